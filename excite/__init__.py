@@ -1,0 +1,25 @@
+"""Design the input of an identification experiment. `from excite import Signal, prbs, certify, …`."""
+
+from excite.generators.prbs import prbs
+from excite.persistency import Certificate, certify
+from excite.types.channel import Channel
+from excite.types.experiment import Experiment
+from excite.types.models import PolynomialModel, StateSpaceModel
+from excite.types.recording import Loop, Recording, Roles
+from excite.types.signal import Signal
+from excite.types.truth import Truth
+
+__all__ = [
+    "Certificate",
+    "Channel",
+    "Experiment",
+    "Loop",
+    "PolynomialModel",
+    "Recording",
+    "Roles",
+    "Signal",
+    "StateSpaceModel",
+    "Truth",
+    "certify",
+    "prbs",
+]

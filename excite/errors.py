@@ -1,0 +1,31 @@
+"""Errors that reach the user: each message names the place, the value and the remedy."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class ExciteError(Exception):
+    """Bad input or usage; the command line prints the message and exits with `exit_code`."""
+
+    exit_code = 2
+
+
+class DesignRefused(ExciteError):
+    """A design is unsafe for the plant or cannot excite what is asked of it."""
+
+    exit_code = 3
+
+
+class SimulationStopped(ExciteError):
+    """A simulated run left its safe region (tilt, ground contact, divergence) and was stopped."""
+
+
+class Unsupported(ExciteError):
+    """A method cannot take the data it was given; comparisons print the message as the reason."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the remedy for a misspelt name: the nearest known one, or the list of them."""
+    known = sorted(known)
+    near = get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"

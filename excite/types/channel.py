@@ -1,0 +1,84 @@
+"""Named channels with units, and the one check that every sample array passes."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.errors import ExciteError
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One signal's name and unit; `str` and `parse` use the form ``flap [deg]`` of data files."""
+
+    name: str
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name or self.name != self.name.strip() or "\n" in self.name:
+            raise ExciteError(f"channel name {self.name!r}: give a non-empty name on one line, without outer spaces")
+
+    def __str__(self) -> str:
+        return f"{self.name} [{self.unit}]" if self.unit or self.name.endswith("]") else self.name
+
+    @classmethod
+    def parse(cls, text: str) -> "Channel":
+        """Read ``name [unit]`` or ``name``."""
+        match = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\])?\s*", text, re.DOTALL)
+        return cls(match[1], match[2] or "")
+
+
+def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: str) -> tuple[Channel, ...]:
+    """Return `count` channels with distinct names: those given, or prefix1, prefix2, …"""
+    if given is None:
+        return tuple(Channel(f"{prefix}{i + 1}") for i in range(count))
+    channels = tuple(c if isinstance(c, Channel) else Channel.parse(c) for c in given)
+    if len(channels) != count:
+        raise ExciteError(f"channels {prefix}: {len(channels)} names for {count} columns; give one name a column")
+    names = [c.name for c in channels]
+    if len(set(names)) != count:
+        raise ExciteError(f"channels {prefix}: duplicate names in {names}; names must differ")
+    return channels
+
+
+def samples(values: object, place: str, missing: bool = False) -> np.ndarray:
+    """Return `values` as a read-only (N, c) float64 copy; 1-D becomes one column.
+
+    NaN is allowed only where `missing` samples are; infinities, complex numbers, text and empty arrays never.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise ExciteError(f"{place}: values of type {array.dtype} are not real numbers; pass a real array")
+    array = np.array(array, dtype=np.float64, order="C")
+    if array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != 2 or array.size == 0:
+        raise ExciteError(f"{place}: shape {array.shape}; expected (samples, channels) with at least one of each")
+    bad = np.isinf(array) if missing else ~np.isfinite(array)
+    if bad.any():
+        row, column = np.argwhere(bad)[0]
+        raise ExciteError(
+            f"{place}: sample {row}, column {column} is {array[row, column]}; "
+            + ("replace it by a number, or by NaN if it is missing" if missing else "every value must be finite")
+        )
+    array.flags.writeable = False
+    return array
+
+
+def positive(value: float, place: str) -> float:
+    """Return a finite positive float or refuse it."""
+    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+    if not (number and np.isfinite(value) and value > 0):
+        raise ExciteError(f"{place}: {value!r} is not a positive finite number")
+    return float(value)
+
+
+def period_of(value: object, place: str) -> int | None:
+    """Return a period in samples, a positive whole number or None."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ExciteError(f"{place}: {value!r}; give a positive number of samples, or None")
+    return int(value)

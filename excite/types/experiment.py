@@ -1,0 +1,80 @@
+"""Experiment: a view of a recording with roles chosen; what every identification method takes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.errors import ExciteError
+from excite.types.channel import Channel, channels_for, period_of, positive, samples
+
+if TYPE_CHECKING:
+    from excite.types.recording import Loop
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """Input-output data of one run, without any truth inside.
+
+    u : (N, nu), what this experiment's diagram calls the plant input; y : (N, ny); NaN = missing sample;
+    dt : s (uniform sampling), or time_s : (N,) s (any sampling); reference : (N, nr) or None;
+    period : samples in one period of the excitation, or None; loop : how u was made; 1-D arrays become one channel.
+    """
+
+    u: np.ndarray
+    y: np.ndarray
+    dt: float | None = None
+    reference: np.ndarray | None = None
+    time_s: np.ndarray | None = None
+    inputs: Sequence[Channel | str] | None = None
+    outputs: Sequence[Channel | str] | None = None
+    references: Sequence[Channel | str] | None = None
+    period: int | None = None
+    loop: "Loop | None" = None
+    name: str = "data"
+
+    def __post_init__(self) -> None:
+        from excite.types.recording import Loop, time_axis  # the two types know each other
+
+        for key, role, prefix in (("u", "inputs", "u"), ("y", "outputs", "y"), ("reference", "references", "r")):
+            if key == "reference" and self.reference is None:
+                object.__setattr__(self, role, ())
+                continue
+            values = samples(getattr(self, key), f"Experiment.{key}", missing=True)
+            object.__setattr__(self, key, values)
+            object.__setattr__(self, role, channels_for(values.shape[1], getattr(self, role), prefix))
+            if len(values) != len(self.u):
+                raise ExciteError(f"Experiment.{key}: {len(values)} samples, but u has {len(self.u)}; lengths must agree")
+        if self.dt is None and self.time_s is None:
+            raise ExciteError("Experiment: give dt in seconds, or time_s")
+        if self.dt is not None:
+            object.__setattr__(self, "dt", positive(self.dt, "Experiment.dt"))
+        time = np.arange(len(self.u)) * self.dt if self.time_s is None else self.time_s
+        object.__setattr__(self, "time_s", time_axis(time, len(self.u), "Experiment.time_s"))
+        object.__setattr__(self, "loop", self.loop or Loop())
+        object.__setattr__(self, "period", period_of(self.period, "Experiment.period"))
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def window(self, start: int, stop: int | None = None) -> "Experiment":
+        """Return samples start:stop as an experiment of its own."""
+        r = None if self.reference is None else self.reference[start:stop]
+        return replace(
+            self, u=self.u[start:stop], y=self.y[start:stop], reference=r, references=self.references or None,
+            time_s=self.time_s[start:stop],
+        )  # fmt: skip
+
+    def decimate(self, every: int) -> "Experiment":
+        """Keep each `every`-th sample. Exact when u is held over whole decimated intervals; no filter is applied."""
+        if every == 1:
+            return self
+        if self.dt is None:
+            raise ExciteError("decimate: the sampling is not uniform; choose samples by time instead")
+        r = None if self.reference is None else self.reference[::every]
+        period = self.period // every if self.period and self.period % every == 0 else None
+        return replace(
+            self, u=self.u[::every], y=self.y[::every], reference=r, references=self.references or None,
+            time_s=self.time_s[::every], dt=self.dt * every, period=period,
+        )  # fmt: skip

@@ -1,0 +1,57 @@
+"""Signal: what is played on the plant."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from excite.errors import ExciteError
+from excite.types.channel import Channel, channels_for, period_of, positive, samples
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """A designed input, sampled with zero-order hold.
+
+    u : (N, nu) samples; dt : s; channels : names and units; period : samples in one period, or None;
+    recipe : what the generator decided (kind, taps, seed, …), enough to regenerate `u` bit for bit.
+    """
+
+    u: np.ndarray
+    dt: float
+    channels: tuple[Channel, ...] | None = None
+    period: int | None = None
+    recipe: Mapping = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "u", samples(self.u, "Signal.u"))
+        object.__setattr__(self, "dt", positive(self.dt, "Signal.dt"))
+        object.__setattr__(self, "channels", channels_for(self.u.shape[1], self.channels, "u"))
+        object.__setattr__(self, "recipe", MappingProxyType(dict(self.recipe)))
+        object.__setattr__(self, "period", period_of(self.period, "Signal.period"))
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return len(self.u) * self.dt
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Time of every sample, (N,), s."""
+        return np.arange(len(self.u)) * self.dt
+
+    def sampled(self, dt: float) -> "Signal":
+        """Return the zero-order-held signal sampled every dt seconds; dt must divide, or be a multiple of, the signal's."""
+        dt = positive(dt, "Signal.sampled")
+        finer, coarser = round(self.dt / dt), round(dt / self.dt)
+        factor = max(finer, 1) / max(coarser, 1)
+        if abs(self.dt / dt / factor - 1) > 1e-9:
+            raise ExciteError(
+                f"Signal.sampled: {dt:g} s is neither a whole fraction nor a whole multiple of the signal's dt {self.dt:g} s"
+            )
+        if finer >= 1:
+            u, period = np.repeat(self.u, finer, axis=0), self.period and self.period * finer
+        else:
+            u, period = self.u[::coarser], self.period // coarser if self.period and self.period % coarser == 0 else None
+        return replace(self, u=u, dt=dt, period=period)

@@ -1,0 +1,6 @@
+"""Identification methods, their metrics and scores. `from identify import list_methods, fit, score`."""
+
+from identify.method import fit, list_methods, load_method
+from identify.score import score
+
+__all__ = ["fit", "list_methods", "load_method", "score"]

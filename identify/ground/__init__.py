@@ -1,0 +1,1 @@
+"""The numerical ground that the methods share."""

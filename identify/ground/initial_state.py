@@ -1,0 +1,24 @@
+"""Initial state of a given model on a record."""
+
+import numpy as np
+import scipy.linalg as la
+
+from excite import lti
+from excite.types.experiment import Experiment
+from excite.types.models import StateSpaceModel
+
+
+def initial_state(model: StateSpaceModel, experiment: Experiment, predictor: bool) -> np.ndarray:
+    """Return the x0 (n,) that makes the model's simulation (or one-step prediction) fit the record best.
+
+    Least squares on y - yhat(x0 = 0) = C A^t x0, with A - K C for the predictor; minimum norm where y does not show a
+    state. The response to x0 is used for as long as it neither dies out nor explodes.
+    """
+    A = model.predictor()[0] if predictor else model.A
+    residual = experiment.y - (model.predict(experiment) if predictor else model.simulate(experiment.u))
+    radius = np.abs(la.eigvals(A)).max(initial=0.0)
+    fading = abs(np.log(max(radius, 1e-8)))
+    length = int(np.clip(20 / max(fading, 1e-12), 5 * model.order, 20_000))
+    length = min(length, len(residual), int(np.argmin(np.isfinite(residual).all(1))) or len(residual))
+    response = lti.observability(A, model.C, length).reshape(-1, model.order)
+    return la.lstsq(response, residual[:length].ravel(), cond=1e-10, check_finite=False)[0]

@@ -1,0 +1,1 @@
+"""Prediction-error methods, one a file."""

@@ -1,0 +1,67 @@
+"""ARX: linear least squares on lagged inputs and outputs."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from excite.errors import ExciteError
+from excite.hankel import hankel_factor, largest_rows
+from excite.types.experiment import Experiment
+from excite.types.models import PolynomialModel
+from identify.estimate import Estimate
+from identify.ground.compression import joint_segments, regress
+from identify.ground.initial_state import initial_state
+from identify.method import Data, Method, experiments
+
+
+@dataclass(frozen=True)
+class Arx(Method):
+    """Multivariable ARX by least squares: y(t) + A_1 y(t-1) + … = B_k u(t-k) + … + e(t) (seed 002, 5.2).
+
+    The order is the number of lags of y and of u each; delay : k, the first lag of u (0 lets u act at once).
+    Consistent in open and closed loop when the noise is ARX, biased otherwise; high orders approximate any noise.
+    """
+
+    name: ClassVar[str] = "arx"
+    summary: ClassVar[str] = "least squares on lagged inputs and outputs; the order is the number of lags"
+    closed_loop: ClassVar[bool] = True
+
+    delay: int = field(default=1, metadata={"minimum": 0})
+
+    def required_excitation(self, order: int) -> int:
+        """One for each lag of u."""
+        return order
+
+    def sufficient_excitation(self, order: int) -> int:
+        """Twice the lags: numerator and common denominator of an input-output model."""
+        return 2 * order
+
+    def largest_order(self, data: Data) -> int:
+        """Lags that leave at least as many equations as unknowns."""
+        return largest_rows(joint_segments(experiments(data))) - self.delay
+
+    def prepare(self, data: Data) -> tuple[Experiment, ...]:
+        """The data themselves: each order compresses its own few lags."""
+        return experiments(data)
+
+    def realize(self, factor: tuple[Experiment, ...], order: int | None) -> Estimate:
+        """Return the model with `order` lags."""
+        if order is None:
+            raise ExciteError("arx: give the order (number of lags)")
+        first = factor[0]
+        nu, ny, rows = first.u.shape[1], first.y.shape[1], order + max(self.delay, 1)
+        H = hankel_factor(joint_segments(factor), rows)
+        last = rows - 1
+        past_y = H.L[H.index(slice(nu, None), last - order, last)]
+        past_u = H.L[H.index(slice(0, nu), rows - self.delay - order, rows - self.delay)]
+        Y = H.L[H.index(slice(nu, None), last, rows)]
+        on_y, on_u = regress(Y, past_y, past_u)
+        residual = Y - on_y @ past_y - on_u @ past_u
+        a = np.concatenate([np.eye(ny)[None], -on_y.reshape(ny, order, ny).transpose(1, 0, 2)[::-1]])
+        b = np.concatenate([np.zeros((self.delay, ny, nu)), on_u.reshape(ny, order, nu).transpose(1, 0, 2)[::-1]])
+        model = PolynomialModel(
+            a, b, first.dt, innovation_cov=residual @ residual.T / H.columns, inputs=first.inputs, outputs=first.outputs
+        )
+        x0 = tuple(initial_state(model.to_state_space(), e, predictor=True) for e in factor)
+        return Estimate(model, self.name, order, x0=x0, condition=H.condition, path=H.path)

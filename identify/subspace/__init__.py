@@ -1,0 +1,1 @@
+"""Subspace methods, one a file."""

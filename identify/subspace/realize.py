@@ -1,0 +1,47 @@
+"""From A, C and K to an Estimate: the last step that the subspace methods share."""
+
+import numpy as np
+
+from excite.errors import ExciteError
+from excite.types.models import StateSpaceModel, kalman_gain
+from identify.estimate import Estimate, Status
+from identify.ground.compression import PastFuture
+from identify.ground.input_matrices import input_matrices
+from identify.ground.kalman import spectral_radius
+
+
+def complete(
+    name: str, data: PastFuture, A: np.ndarray, C: np.ndarray, K: np.ndarray, E: np.ndarray, *, feedthrough: bool,
+    predictor: bool, singular_values: np.ndarray, warnings: tuple[str, ...] = (),
+) -> Estimate:  # fmt: skip
+    """Return the estimate with B, D and x0 fitted on all samples.
+
+    predictor : fit them through the one-step predictor (A - K C); else by simulation, which only open-loop data and a
+    stable A allow. E (ny, …) : compressed innovation rows, whose covariance guards K.
+    """
+    warnings = list(warnings)
+    noisy = np.any(K)
+    radius = spectral_radius(A - K @ C)
+    if noisy and radius >= 1:
+        cov = E @ E.T / data.factor.columns
+        K, _ = kalman_gain(A, C, K @ cov @ K.T, cov, K @ cov)
+        warnings.append(
+            f"the estimated predictor A - KC was unstable (spectral radius {radius:.4f}); replaced by the stabilising "
+            f"Kalman gain of the same spectrum (now {spectral_radius(A - K @ C):.4f})"
+        )
+    if not predictor and spectral_radius(A) >= 1:
+        predictor = True
+        warnings.append("A is not stable, so B, D and x0 were fitted through the one-step predictor, not by simulation")
+    fitted = input_matrices(data.experiments, A, C, K if predictor else np.zeros_like(K), feedthrough)
+    if not all(np.isfinite(m).all() for m in (fitted.B, fitted.D)):
+        raise ExciteError(f"{name}: the fit of B and D overflowed (spectral radius {spectral_radius(A):.3f}); lower the order")
+    first = data.experiments[0]
+    model = StateSpaceModel(
+        A, fitted.B, C, fitted.D, first.dt, K=K, innovation_cov=E @ E.T / data.factor.columns,
+        inputs=first.inputs, outputs=first.outputs,
+    )  # fmt: skip
+    return Estimate(
+        model, name, len(A), x0=fitted.x0, singular_values=singular_values,
+        status=Status.SUSPECT if warnings and noisy and radius >= 1 else Status.OK, warnings=tuple(warnings),
+        condition=data.factor.condition, path=data.factor.path,
+    )  # fmt: skip

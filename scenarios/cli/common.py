@@ -1,0 +1,118 @@
+"""What several commands share: options for data files, printing JSON, progress."""
+
+import json
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from excite.errors import ExciteError
+from excite.files import load_experiment
+from excite.types.experiment import Experiment
+from identify.model_json import plain
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one strict JSON object instead of text.")
+
+DATA_OPTIONS = (
+    click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0, e.g. 0,1 or flap,aileron."),
+    click.option("--outputs", metavar="COLUMNS", help="Output columns."),
+    click.option("--reference", metavar="COLUMNS", help="Reference columns."),
+    click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column."),
+    click.option("--time", metavar="COLUMN", help="Time column, in seconds."),
+    click.option("--setting", metavar="NAME", help="Which setting of one of our own recordings."),
+    click.option("--decimate", type=click.IntRange(1), default=1, help="Keep each N-th sample (no filter)."),
+)
+
+
+def data_options(command: Callable) -> Callable:
+    """Add the options that say how to read foreign data files."""
+    for option in reversed(DATA_OPTIONS):
+        command = option(command)
+    return command
+
+
+def columns(text: str | None) -> list[str | int] | None:
+    """Parse 0,1 or flap,aileron; digits are column numbers."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    return [int(part) if part.isdigit() else part for part in parts if part]
+
+
+def one_column(text: str | None) -> str | int | None:
+    """Parse one column name or number."""
+    chosen = columns(text)
+    return chosen[0] if chosen else None
+
+
+def read_experiment(
+    path: str, inputs: str | None, outputs: str | None, reference: str | None, dt: float | None, time: str | None,
+    setting: str | None, decimate: int,
+) -> Experiment:  # fmt: skip
+    """Load one experiment with the values of `data_options`."""
+    experiment = load_experiment(
+        path, columns(inputs), columns(outputs), columns(reference), dt=dt, time=one_column(time), setting=setting
+    )
+    return experiment.decimate(decimate)
+
+
+def toml_value(text: str) -> Any:
+    """Read a TOML value (20, 1.5, true, [1, 2], "a"); anything else is text, and 1,2,3 a list."""
+    for candidate in (text, f"[{text}]"):
+        try:
+            return tomllib.loads(f"v = {candidate}")["v"]
+        except tomllib.TOMLDecodeError:
+            continue
+    return [part.strip() for part in text.split(",")] if "," in text else text
+
+
+def assignments(pairs: tuple[str, ...], option: str) -> dict[str, Any]:
+    """Parse key=TOML-value pairs."""
+    values = {}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        if not equals or not key.strip():
+            raise ExciteError(f"{option} {pair}: give key=value, for example block_rows=20")
+        values[key.strip()] = toml_value(text.strip())
+    return values
+
+
+def print_json(value: Any) -> None:
+    """Print one strict JSON object on stdout."""
+    click.echo(json.dumps(plain(value), indent=1, allow_nan=False))
+
+
+def print_lines(lines: list[str]) -> None:
+    """Print lines on stdout."""
+    click.echo("\n".join(lines))
+
+
+class ProgressLine:
+    """A progress bar on stderr when it is a terminal, one line a stage otherwise."""
+
+    def __init__(self) -> None:
+        self.stage = ""
+        self.terminal = sys.stderr.isatty()
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Show that `done` of `total` pieces are finished."""
+        if self.terminal:
+            filled = 30 * done // total
+            bar = "#" * filled + "-" * (30 - filled)
+            click.echo(f"\r{stage:<12} [{bar}] {done}/{total}", err=True, nl=done == total)
+        elif stage != self.stage or done == total:
+            click.echo(f"{stage}: {done} of {total} pieces", err=True)
+        self.stage = stage
+
+
+def existing_parent(path: str) -> Path:
+    """Return an output path whose folder exists, before any work is done for it."""
+    target = Path(path)
+    if target.is_dir():
+        raise ExciteError(f"{path}: is a folder; name a file in it with -o")
+    if not target.parent.is_dir():
+        raise ExciteError(f"{path}: there is no folder {target.parent}; create it first")
+    return target

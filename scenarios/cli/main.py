@@ -1,0 +1,85 @@
+"""`excite`: the command group, and the one place where errors become exit codes."""
+
+import os
+import sys
+import traceback
+from importlib import import_module
+from typing import Any
+
+import click
+
+from excite.errors import ExciteError, did_you_mean
+
+# One line adds a command: name -> "module:command". Modules load when their command is called.
+COMMANDS: dict[str, str] = {
+    "run": "scenarios.cli.run:run",
+    "design": "scenarios.cli.design:design",
+    "check": "scenarios.cli.signals:check",
+    "export": "scenarios.cli.signals:export",
+    "simulate": "scenarios.cli.signals:simulate",
+    "identify": "scenarios.cli.models:identify",
+    "score": "scenarios.cli.models:score",
+    "compare": "scenarios.cli.compare:compare",
+    "plants": "scenarios.cli.catalogue:plants",
+    "methods": "scenarios.cli.catalogue:methods",
+    "scenarios": "scenarios.cli.catalogue:scenarios",
+    "doctor": "scenarios.cli.doctor:doctor",
+}
+BUG, INTERRUPTED = 70, 130
+
+
+class Commands(click.Group):
+    """Loads commands by name and names the nearest one for a misspelling."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the commands in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Return the command, or refuse with the nearest known name."""
+        if name not in COMMANDS:
+            raise click.UsageError(f"no command '{name}'; {did_you_mean(name, COMMANDS)}", ctx)
+        module, attribute = COMMANDS[name].split(":")
+        return getattr(import_module(module), attribute)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="excite-sysid", prog_name="excite")
+def cli() -> None:
+    """Design an identification experiment, play it, identify models and score them.
+
+    \b
+    Exit codes: 0 fine; 1 an expectation of a scenario missed; 2 bad input or usage; 3 design refused;
+    70 a bug; 130 interrupted.
+    """
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Run the command line and exit with its code."""
+    sys.exit(status(argv))
+
+
+def status(argv: list[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    try:
+        code: Any = cli.main(args=argv, prog_name="excite", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except click.ClickException as error:
+        error.show(sys.stderr)
+        return error.exit_code
+    except ExciteError as error:
+        click.echo(f"excite: {error}", err=True)
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("excite: interrupted; finished pieces are kept, the same command goes on from there", err=True)
+        return INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception:
+        traceback.print_exc()
+        click.echo("excite: this is a bug; please report it with the lines above", err=True)
+        return BUG

@@ -1,0 +1,99 @@
+"""excite identify and excite score."""
+
+import click
+import numpy as np
+
+from excite.errors import ExciteError
+from excite.files import load_recording
+from excite.types.experiment import Experiment
+from excite.types.truth import Truth
+from scenarios.cli.common import (
+    assignments,
+    data_options,
+    existing_parent,
+    json_option,
+    print_json,
+    print_lines,
+    read_experiment,
+)
+
+
+@click.command()
+@click.argument("file", nargs=-1, required=True, type=click.Path())
+@click.option("--method", required=True, metavar="NAME", help="Identification method; `excite methods` lists them.")
+@click.option("--order", type=int, help="Model order; chosen at the largest singular-value gap when not given.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Method setting, e.g. block_rows=20.")
+@data_options
+@click.option("-o", "out", type=click.Path(), help="Model file to write (JSON).")
+@json_option
+def identify(
+    file: tuple[str, ...], method: str, order: int | None, settings: tuple[str, ...], out: str | None, as_json: bool,
+    **reading: object,
+) -> int:  # fmt: skip
+    """Identify a model from one or several data FILEs (several: one estimate from all of them)."""
+    from identify.method import load_method
+    from identify.model_json import estimate_to_dict
+    from identify.score import score as score_estimate
+    from scenarios.report.text import estimate_text
+    from scenarios.store import write_json
+
+    if out:
+        existing_parent(out)
+    chosen = load_method(method, **assignments(settings, "--set"))
+    data = tuple(read_experiment(path, **reading) for path in file)
+    estimate = chosen.fit(data, order)
+    scores = [score_estimate(estimate, experiment).per_output for experiment in data]
+    fit = {name: np.mean([s[f"fit_{name}"] for s in scores], axis=0) for name in ("simulation", "one_step")
+           if f"fit_{name}" in scores[0]}  # fmt: skip
+    result = estimate_to_dict(estimate, {"simulation": None, "one_step": None, **fit})
+    if out:
+        write_json(existing_parent(out), result)
+    if as_json:
+        print_json(result)
+    else:
+        print_lines(estimate_text(estimate, fit))
+        if out:
+            click.echo(f"model written to {out}")
+    return 0
+
+
+@click.command()
+@click.argument("model", type=click.Path())
+@click.argument("file", type=click.Path())
+@click.option(
+    "--truth", type=click.Choice(["auto", "none"]), default="none", show_default=True,
+    help="auto: score against the truth of the simulated plant that FILE, one of our recordings, comes from.",
+)  # fmt: skip
+@data_options
+@json_option
+def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -> int:
+    """Score MODEL (from `excite identify -o`) on the data in FILE."""
+    from identify.model_json import load_estimate
+    from identify.score import METRICS
+    from identify.score import score as score_estimate
+
+    estimate = load_estimate(model)
+    experiment = read_experiment(file, **reading)
+    result = score_estimate(estimate, experiment, _truth(file, experiment, reading) if truth == "auto" else None)
+    if as_json:
+        print_json({"schema_version": 1, "model": model, "file": file, "values": result.values, "per_output": result.per_output})
+        return 0
+    for name, value in result.values.items():
+        if not name.endswith("_unclipped"):
+            note = METRICS[name][0] if name in METRICS else ""
+            click.echo(f"{name:<34} {value:>10.4g}  {note}")
+    return 0
+
+
+def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
+    from dataclasses import replace
+
+    from plants.plant import load_plant
+
+    recording = load_recording(file)
+    setting = reading.get("setting") or recording.default
+    if "plant" not in recording.source or setting is None:
+        raise ExciteError(f"{file}: does not say which plant and setting it comes from, so there is no truth; drop --truth")
+    plant = load_plant(recording.source["plant"], preset=recording.source.get("preset"))
+    truth = plant.truth(recording, setting)
+    return replace(truth, model=truth.model.lift(round(experiment.dt / truth.model.dt)))

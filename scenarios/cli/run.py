@@ -1,0 +1,35 @@
+"""excite run."""
+
+import os
+from pathlib import Path
+
+import click
+
+from scenarios.cli.common import ProgressLine, json_option, print_json, print_lines
+
+
+@click.command()
+@click.argument("scenario")
+@click.option("-o", "folder", type=click.Path(), help="Folder of the run; runs/NAME when not given.")
+@click.option("--runs", type=click.IntRange(1), help="Estimation runs, instead of the scenario's own number.")
+@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count, help="Processes to use; all cores when not given.")
+@json_option
+def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json: bool) -> int:
+    """Run SCENARIO (a file or a shipped name): design, fly, identify, score, report.
+
+    A run that was interrupted goes on where it was when the same command is given again.
+    """
+    from scenarios.pipeline import run_scenario, to_json
+    from scenarios.report.page import write_report
+    from scenarios.report.text import summary_text
+    from scenarios.spec import load_scenario
+
+    checked = load_scenario(scenario, runs)
+    target = Path(folder) if folder else Path("runs") / checked.name
+    result = run_scenario(checked, target, jobs, ProgressLine())
+    write_report(result, target / "report.html")
+    if as_json:
+        print_json(to_json(result))
+    else:
+        print_lines(summary_text(result))
+    return 0 if all(met for _, _, met in result.expectations) else 1

@@ -1,0 +1,186 @@
+"""Rows of text from a run, for the terminal and the page alike."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from excite.persistency import Certificate
+from identify.estimate import Estimate, Status
+from identify.metrics import continuous_poles, pole_errors
+from scenarios.report.columns import NONE, Column, columns_of, number
+from scenarios.report.rows import diverging, first_estimate, spread, trusted
+from scenarios.report.verdict import summary
+from scenarios.results import Row, RunResult, SettingResult
+
+Table = tuple[list[str], list[list[str]]]
+
+
+def ranking(setting: SettingResult, compact: bool = False) -> Table:
+    """Return the methods of one setting, best first, below what the truth itself reaches; empty columns are dropped.
+
+    compact : only the columns that fit a terminal, with short headers.
+    """
+    columns, names = columns_of(setting, compact)
+    rows, rank = _truth_rows(setting, columns, compact), 0
+    for row in setting.rows:
+        rank += row.reason is None
+        cells = [_cell(row, c) for c in columns]
+        rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(setting, row)])
+    headers = ["rank", "method", "order", *names, "note"]
+    keep = [k for k in range(len(headers)) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
+    return [headers[k] for k in keep], [[row[k] for k in keep] for row in rows]
+
+
+def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool) -> list[list[str]]:
+    """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured flight."""
+    if setting.truth_score is None:
+        return []
+    fits = {m: v for m, v in setting.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
+    floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
+    measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
+    names = ("linearisation floor", "truth, measured") if compact else (
+        "linearisation floor (noise-free truth)", "truth on the measured flight"
+    )  # fmt: skip
+    return [
+        ["", name, "", *(number(c.scale * known.get(c.metric, np.nan), c.decimals) for c in columns), ""]
+        for name, known in zip(names, (floor, measured), strict=True)
+    ]
+
+
+def _cell(row: Row, column: Column) -> str:
+    statistic = spread(row, column.metric)
+    texts = {k: number(column.scale * statistic[k], column.decimals) for k in ("median", "q25", "q75")}
+    if not column.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
+        return texts["median"]
+    return f"{texts['median']} [{texts['q25']} {texts['q75']}]"
+
+
+def note(setting: SettingResult, row: Row) -> str:
+    """Return what must be known about a row beside its numbers."""
+    if row.reason is not None:
+        failed = sum(s.reason is not None for s in row.scores)
+        return f"failed in {failed} of {len(row.scores)} runs: {row.reason}" if len(row.scores) > 1 else row.reason
+    notes = []
+    if setting.spec.roles.closed and not row.closed_loop:
+        notes.append("biased in closed loop")
+    unstable = sum(e is not None and e.status is Status.UNSTABLE for e in row.estimates)
+    if unstable:
+        notes.append(f"unstable in {unstable} of {len(row.estimates)} runs")
+    if count := diverging(row):
+        notes.append(f"simulation diverges in {count} of {len(row.scores)} runs")
+    for metric, text in (("poles_missing", "missing"), ("poles_surplus", "surplus")):
+        count = spread(row, metric)["median"]
+        if count > 0:
+            notes.append(f"{count:.0f} {text} pole{'s' if count > 1 else ''}")
+    return "; ".join(notes)
+
+
+def true_poles(setting: SettingResult) -> Table:
+    """Return the truth's poles (upper half plane) with what the trusted row's first run found for each."""
+    row = trusted(setting)
+    estimate = first_estimate(row) if row is not None else None
+    headers = ["kind", "pole [rad/s]", "|s| [rad/s]", "frequency [Hz]", "damping [–]", "time constant [s]"]
+    if setting.truth is None:
+        return headers, []
+    z = setting.truth.model.poles()
+    matched = pole_errors(z, z if estimate is None else estimate.model.poles(), setting.dt)
+    s, found = (continuous_poles(p, setting.dt) for p in (matched.true, matched.estimated))
+    if estimate is not None:
+        headers += [f"{row.label}, first run [rad/s]", "error [%]"]
+    rows = []
+    for k in np.lexsort((s.imag, np.abs(s))):
+        if s[k].imag < -1e-9 * max(abs(s[k]), 1):
+            continue
+        size, kind = abs(s[k]), matched.kind[k]
+        integrator = kind == "integrator"
+        texts = [kind, "0" if integrator else complex_text(s[k]), "0" if integrator else number(size)]
+        texts += [number(size / (2 * np.pi)) if kind == "oscillatory" else NONE]
+        texts += [number(-s[k].real / size) if kind == "oscillatory" else NONE]
+        texts += [number(-1 / s[k].real) if kind == "real" else NONE]
+        if estimate is not None:
+            texts += [complex_text(found[k]), number(100 * matched.relative[k])]
+        rows.append(texts)
+    return headers, rows
+
+
+def complex_text(s: complex) -> str:
+    """Return a pole as text, with ± for the pair."""
+    real = number(s.real).replace("-", "−")
+    return real if abs(s.imag) < 1e-9 * max(abs(s), 1e-12) else f"{real} ± {number(abs(s.imag))}j"
+
+
+def expectations(result: RunResult) -> Table:
+    """Return what the scenario expects, what came out, and whether it was met."""
+    rows = [
+        [e.key, f"{e.comparison} {e.bound:g}", f"{value:.4g}", "met" if met else "missed"]
+        for e, value, met in result.expectations
+    ]
+    return ["expectation", "bound", "value", "verdict"], rows
+
+
+def certificate_text(cert: Certificate) -> list[str]:
+    """Return the certificate of persistency in lines for a reader."""
+    lines = [
+        f"persistently exciting of order {cert.order}{'' if cert.reached else ' only'} ({cert.block_rows} asked for), "
+        f"{cert.samples} samples of {cert.dt:g} s",
+        f"margin {number(cert.margin)} of the channels' rms; condition of the input matrix {number(cert.condition)}",
+    ]
+    if cert.line_order is not None:
+        lines.append(f"order by counting spectral lines of one period: {cert.line_order}")
+    bands = ", ".join(f"{number(a)} to {number(b)} Hz" for a, b in cert.missing_hz)
+    lines.append(f"bands without excitation: {bands or 'none up to the Nyquist frequency'}")
+    lines += [
+        f"{name}: rms {number(rms)}, peak {number(peak)}, crest factor {number(peak / rms) if rms else NONE}"
+        for name, rms, peak in zip(cert.channels, cert.rms, cert.peak, strict=True)
+    ]
+    if cert.usable_response_s is not None:
+        lines.append(f"responses of the channels stay apart for {number(cert.usable_response_s)} s")
+    return lines + [f"warning: {warning}" for warning in cert.warnings]
+
+
+def estimate_text(estimate: Estimate, fit: Mapping[str, Sequence[float]]) -> list[str]:
+    """Return one identified model in lines for a reader; fit : kind -> value of each output, %."""
+    model = estimate.model
+    lines = [f"{estimate.method}, order {estimate.order}, dt {model.dt:g} s, {estimate.seconds:.2f} s: {estimate.status.value}"]
+    poles = model.poles()
+    s = continuous_poles(poles, model.dt)
+    lines.append("poles:")
+    for k in np.argsort(np.abs(s)):
+        if s[k].imag >= -1e-9 * max(abs(s[k]), 1):
+            size = max(abs(s[k]), 1e-300)
+            moving = f"{number(size / (2 * np.pi))} Hz, damping {number(-s[k].real / size)}"
+            lines.append(f"  |z| {abs(poles[k]):.6f}   s {complex_text(s[k])} rad/s   {moving}")
+    for kind, values in fit.items():
+        each = ", ".join(f"{c.name} {number(v, 2)} %" for c, v in zip(model.outputs, values, strict=True))
+        lines.append(f"fit {kind.replace('_', ' ')}: {each}")
+    if estimate.condition is not None:
+        lines.append(f"condition of the compressed data {number(estimate.condition)}, by {estimate.path or 'one path'}")
+    return lines + [f"warning: {warning}" for warning in estimate.warnings]
+
+
+def summary_text(result: RunResult) -> list[str]:
+    """Return a finished run in lines for a terminal: summary, warnings, a table a setting, expectations."""
+    first, *others = summary(result)
+    lines = [f"{result.scenario.name}: {first}", *(f"warning: {warning}" for warning in result.warnings)]
+    for setting in result.settings:
+        lines += ["", f"{setting.spec.name} (dt {setting.dt * 1e3:.4g} ms)", *to_text(*ranking(setting, True)).split("\n")]
+    lines += ["", *others[: len(result.settings)]]
+    if result.expectations:
+        lines += ["", *to_text(*expectations(result)).split("\n")]
+    return [*lines, "", f"report: {result.folder / 'report.html'}"]
+
+
+def to_text(headers: Sequence[str], rows: Sequence[Sequence[str]], width: int = 140) -> str:
+    """Return aligned columns, numbers to the right; only the last column is shortened, to keep within `width`."""
+    columns = list(zip(headers, *rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    spare = width - sum(widths[:-1]) - 2 * (len(widths) - 1)
+    widths[-1] = min(widths[-1], max(spare, len(headers[-1]), 12))
+    numeric = [all(c in ("", NONE) or re.match(r"[-−∞<>=\d]", c) for c in column[1:]) for column in columns]
+    lines = []
+    for row in (headers, *rows):
+        cells = [c if len(c) <= w else c[: w - 1] + "…" for c, w in zip(row, widths, strict=True)]
+        padded = [c.rjust(w) if right else c.ljust(w) for c, w, right in zip(cells, widths, numeric, strict=True)]
+        lines.append("  ".join(padded).rstrip())
+    return "\n".join(lines)

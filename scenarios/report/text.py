@@ -1,0 +1,60 @@
+"""A run, and a single estimate, as text for a terminal."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from identify.estimate import Estimate, Status
+from identify.metrics import continuous_poles
+from scenarios.report.tables import certificate_text, expectations, number, ranking, to_text
+from scenarios.report.verdict import verdict
+from scenarios.results import RunResult, SettingResult
+
+
+def summary_text(result: RunResult) -> list[str]:
+    """Return what `excite run` prints: certificates, a ranking table a setting, verdicts, expectations, where it lies."""
+    lines = [result.scenario.name, result.scenario.description, ""]
+    for setting in result.settings:
+        lines += _setting(result, setting)
+    if result.expectations:
+        lines += [*to_text(*expectations(result)).splitlines(), ""]
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    return [*lines, f"report: {result.folder / 'report.html'}"]
+
+
+def _setting(result: RunResult, setting: SettingResult) -> list[str]:
+    roles, name = setting.spec.roles, setting.spec.name
+    kind = "in closed loop" if roles.closed else "inputs free of feedback"
+    title = f"== {name}: {', '.join(roles.inputs)} -> {', '.join(roles.outputs)}; dt {setting.dt * 1e3:g} ms; {kind}"
+    lines = [title, *setting.horizons.notes]
+    if setting.predictor_radius is not None:
+        lines.append(f"truth's predictor A - KC: spectral radius {setting.predictor_radius:.4f}")
+    judged = "reference" if roles.closed else "input"
+    lines += [f"{judged}: {line}" if k == 0 else f"  {line}" for k, line in enumerate(certificate_text(result.certificates[name]))]
+    return [*lines, "", *to_text(*ranking(setting, compact=True)).splitlines(), verdict(setting, result.scenario.rank_by), ""]
+
+
+def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str]:
+    """Return what `excite identify` prints: poles, singular values, fits, status and warnings."""
+    model = estimate.model
+    lines = [f"{estimate.method}, order {estimate.order}, dt {model.dt:g} s, {estimate.seconds:.2f} s"]
+    if estimate.path:
+        lines.append(f"data compressed by {estimate.path}, condition {number(estimate.condition)}")
+    poles = model.poles()
+    s = continuous_poles(poles, model.dt)
+    rows = [
+        [f"{z.real:.4f}" + (f" ± {abs(z.imag):.4f}j" if z.imag else ""), number(abs(p) / (2 * np.pi)), number(-p.real / abs(p))]
+        for z, p in zip(poles, s, strict=True)
+        if z.imag >= 0
+    ]
+    lines += to_text(["pole", "frequency Hz", "damping"], rows).splitlines()
+    if estimate.singular_values is not None:
+        values = estimate.singular_values
+        shown = values[: max(2 * estimate.order, 10)]
+        lines.append("singular values " + " ".join(map(number, shown)) + (" …" if len(shown) < len(values) else ""))
+    for name, values in fit.items():
+        each = ", ".join(f"{c.name} {v:.2f}" for c, v in zip(model.outputs, values, strict=True))
+        lines.append(f"fit on these data, {name.replace('_', ' ')}, %: {each}")
+    if estimate.status is not Status.OK:
+        lines.append(f"status: {estimate.status.value}")
+    return lines + [f"warning: {warning}" for warning in estimate.warnings]

@@ -1,0 +1,89 @@
+"""Which method to trust in a setting, and why, in words."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scenarios.report.columns import COLUMNS, columns_of, number
+from scenarios.report.rows import diverging, sound, spread, trusted
+from scenarios.results import Row, RunResult, SettingResult
+
+
+def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
+    """Return in a few sentences which row of a setting to trust, how good it is, and how clear its lead is."""
+    name, row = setting.spec.name, trusted(setting)
+    if row is None:
+        reasons = "; ".join(dict.fromkeys(r.reason for r in setting.rows if r.reason)) or "none was run"
+        return f"{name}: no method gave a model ({reasons})."
+    good = sound(setting)
+    runs = f"median of {len(row.scores)} runs" if len(row.scores) > 1 else "one run"
+    sentences = [f"{name}: trust {row.method} at order {row.order} ({', '.join(_values(row, rank_by))}; {runs})."]
+    first = next(r for r in setting.rows if r.reason is None)
+    if not good:
+        sentences.append("Beware: the input depends on the output through feedback, which biases every method run.")
+    elif first is not row:
+        sentences.append(f"{first.label} ranks higher here, but is biased in closed loop.")
+    rival = next((r for r in good if r.method != row.method), None)
+    if rival is not None and np.isfinite(rival.rank_value) and row.rank_value > 0:
+        ratio = number(rival.rank_value / row.rank_value)
+        unclear = "; their quartiles overlap: more runs would separate them" if _overlap(row, rival, rank_by) else ""
+        sentences.append(f"Next comes {rival.label}, its ranking value {ratio} times as large{unclear}.")
+    if count := diverging(row):
+        sentences.append(
+            f"Simulated over the whole validation run it diverges in {count} of {len(row.scores)} runs, as integrating or "
+            "very slow poles do when they are a little off: use it over limited horizons."
+        )
+    if setting.floor is not None:
+        metric, floor = setting.floor
+        fit = spread(row, metric)["median"]
+        ahead = next((c.header for c in columns_of(setting)[0] if c.metric == metric), metric)
+        if np.isfinite(fit):
+            sentences.append(f"{_sentence(ahead)}: {fit:.1f} %, where the linearised truth itself reaches {floor:.1f} %.")
+    return " ".join(sentences)
+
+
+def summary(result: RunResult) -> list[str]:
+    """Return what was designed and flown, a verdict for each setting, and how the expectations came out."""
+    scenario, signal = result.scenario, result.signal
+    period = f" (period {signal.period * signal.dt:.4g} s)" if signal.period else ""
+    kind = scenario.excitation.get("kind", "signal")
+    paragraphs = [
+        f"A {kind} of {signal.duration_s:.4g} s on {_count(signal.u.shape[1], 'channel')}{period} was designed and "
+        f"played on {scenario.plant.name} at its injection point {scenario.inject}: "
+        f"{_count(scenario.estimation_runs, 'run')} to estimate from, {_count(scenario.validation_runs, 'run')} with "
+        "fresh excitation and noise to validate on."
+    ]
+    paragraphs += [verdict(setting, scenario.rank_by) for setting in result.settings]
+    if result.expectations:
+        met = sum(met for *_, met in result.expectations)
+        paragraphs.append(f"Expectations met: {met} of {len(result.expectations)}.")
+    return paragraphs
+
+
+def _sentence(header: str) -> str:
+    text = header.removesuffix(" [%]")
+    return text[0].upper() + text[1:]
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _values(row: Row, metrics: Sequence[str]) -> list[str]:
+    """Return the medians of metrics with the names and units of the table."""
+    columns = {column.metric: column for column in COLUMNS}
+    texts = []
+    for metric in metrics:
+        column = columns.get(metric)
+        name, unit = column.header[:-1].split(" [") if column else (metric, "–")
+        value = number((column.scale if column else 1) * spread(row, metric)["median"])
+        texts.append(f"{name} {value}" if unit == "–" else f"{name} {value} {unit}")
+    return texts
+
+
+def _overlap(a: Row, b: Row, metrics: Sequence[str]) -> bool:
+    """Whether the quartile ranges of two rows meet in every metric; a single run tells nothing."""
+    if min(len(a.scores), len(b.scores)) < 2:
+        return False
+    pairs = [(spread(a, m), spread(b, m)) for m in metrics]
+    return all(x["q25"] <= y["q75"] and y["q25"] <= x["q75"] for x, y in pairs)
