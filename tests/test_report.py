@@ -203,21 +203,6 @@ def test_certificate_in_words():
     assert "40 samples of 0.1 s" in text and "∞" in text
 
 
-def test_estimate_in_words():
-    estimate = result().settings[0].rows[0].estimates[0]
-    text = tables.estimate_text(replace(estimate, warnings=("beware",)), {"one_step": np.array([98.765, 50.0])})
-    assert text[0].startswith(f"{estimate.method}, order 4, dt 0.05 s") and text[-1] == "warning: beware"
-    assert sum("rad/s" in line for line in text) == 2
-    assert any((line.startswith("fit one step: ") and "98.77 %" in line) or "98.76 %" in line for line in text)
-
-
-def test_run_in_words():
-    text = tables.summary_text(result())
-    assert max(map(len, (line for line in text if line.startswith(("rank", "   "))))) <= 140
-    assert any(line.startswith("warning: beware") for line in text) and text[-1] == "report: report.html"
-    assert any("missed" in line for line in text) and any(line.startswith("wing / open: trust") for line in text)
-
-
 # --- figures ---------------------------------------------------------------------------------------------------------
 
 

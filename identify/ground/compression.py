@@ -8,6 +8,7 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError
 from excite.hankel import HankelFactor, hankel_factor
+from excite.persistency import RANK_TOLERANCE, certify
 from excite.types.experiment import Experiment
 
 
@@ -63,8 +64,20 @@ def joint_segments(experiments: tuple[Experiment, ...]) -> list[np.ndarray]:
 
 
 def compress(experiments: tuple[Experiment, ...], past: int, future: int) -> PastFuture:
-    """Compress past + future block rows of all experiments (each a segment; no column crosses a seam)."""
-    return PastFuture(hankel_factor(joint_segments(experiments), past + future), experiments, past, future)
+    """Compress past + future block rows of all experiments (each a segment; no column crosses a seam).
+
+    Raises ExciteError when the future inputs are not of full row rank, naming the order of persistency found and needed.
+    """
+    data = PastFuture(hankel_factor(joint_segments(experiments), past + future), experiments, past, future)
+    future_inputs = data.u(past, past + future)
+    singular = la.svdvals(future_inputs / np.linalg.norm(future_inputs, axis=1, keepdims=True))
+    if singular[-1] < RANK_TOLERANCE * singular[0]:
+        found = certify(experiments, block_rows=future).order
+        raise ExciteError(
+            f"the input is persistently exciting of order {found}, but {future} future rows need order {future}; "
+            "excite more frequencies, or shorten the future horizon"
+        )
+    return data
 
 
 def lq(*groups: np.ndarray) -> list[list[np.ndarray]]:

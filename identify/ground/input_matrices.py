@@ -37,7 +37,7 @@ def input_matrices(
     for e, experiment in enumerate(experiments):
         N = len(experiment)
         target = experiment.y - lti.simulate(Ak, K, C, np.zeros((ny, ny)), experiment.y)
-        free = lti.observability(Ak, C, N)
+        rest = np.zeros((N, 1))
         for l in range(ny):
             z = np.stack([lti.states(Ak.T, C[l : l + 1].T, experiment.u[:, j : j + 1]) for j in range(nu)], axis=1)
             rows = np.zeros((N, parameters + 1))
@@ -47,7 +47,7 @@ def input_matrices(
                 direct[:, :, l] += experiment.u
                 rows[:, n * nu : n * nu + ny * nu] = direct.reshape(N, nu * ny)
             start = parameters - n * (len(experiments) - e)
-            rows[:, start : start + n] = free[:, l]
+            rows[:, start : start + n] = lti.states(Ak.T, np.zeros((n, 1)), rest, C[l])
             rows[:, -1] = target[:, l]
             for first in range(0, N, CHUNK):
                 (R,) = la.qr(np.vstack([R, rows[first : first + CHUNK]]), mode="r", check_finite=False)

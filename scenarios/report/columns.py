@@ -37,13 +37,14 @@ COLUMNS = (
     Column("frf_error_peak", "FRF error peak [%]", 100),
     Column("fit_simulation", "fit simulation, measured [%]", decimals=2, compact=True),
     Column("fit_clean", "fit simulation, noise-free [%]", decimals=2, compact=True),
-    Column("fit_below_floor", "below floor [points]", decimals=2),
+    Column("fit_below_floor", "below floor [points]", decimals=2, compact=True),
     Column("fit_one_step", "fit one step [%]", decimals=2, compact=True),
-    Column("vaf_simulation", "VAF simulation [%]", decimals=2),
+    Column("vaf_simulation", "VAF simulation [%]", decimals=2, compact=True),
 )
 SHORT = {
     "pole_error_max": "pole max %", "pole_error_frequency_percent": "freq %", "pole_error_damping": "damping",
     "frf_error_h2": "FRF H2 %", "fit_simulation": "fit sim %", "fit_clean": "fit clean %", "fit_one_step": "1-step %",
+    "fit_below_floor": "below floor", "vaf_simulation": "VAF sim %",
 }  # fmt: skip
 
 
@@ -58,7 +59,7 @@ def columns_of(setting: SettingResult, compact: bool = False) -> tuple[list[Colu
     for steps, clean, metric in found:
         ahead = f"{steps * setting.dt * 1e3:.4g} ms"
         columns.append(Column(metric, f"fit {ahead} ahead{', noise-free' * bool(clean)} [%]", decimals=2, compact=bool(clean)))
-        shorts[metric] = f"{ahead} clean %"
+        shorts[metric] = f"{ahead} clean"
     if compact:
         columns = [c for c in columns if c.compact]
     return columns, [shorts[c.metric] if compact else c.header for c in columns]
@@ -126,3 +127,9 @@ def number(value: float, decimals: int | None = None) -> str:
     if value == 0 or 1e-4 <= abs(value) < 999.5:
         return f"{value:.3g}"
     return f"{value:.0f}" if 1 <= abs(value) < 1e5 else f"{value:.1e}"
+
+
+def complex_text(s: complex) -> str:
+    """Return a pole as text, with ± for the pair."""
+    real = number(s.real).replace("-", "−")
+    return real if abs(s.imag) < 1e-9 * max(abs(s), 1e-12) else f"{real} ± {number(abs(s.imag))}j"

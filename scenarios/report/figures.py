@@ -148,7 +148,7 @@ def singular_values(setting: SettingResult, palette: Colours | None = None) -> F
     axis = figure.subplots()
     longest = max(24, *(2 * row.order + 4 for row in rows))
     lowest = 1.0
-    for row in rows:
+    for row in reversed(rows):
         s = np.asarray(first_estimate(row).singular_values, float)[:longest]
         s = np.maximum(s / s[0], 1e-14)
         lowest = min(lowest, s.min())

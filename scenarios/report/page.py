@@ -10,7 +10,7 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from excite.files.atomic import written
-from scenarios.report.columns import LEGEND
+from scenarios.report.columns import LEGEND, NONE
 from scenarios.report.drawing import to_svg
 from scenarios.report.figures import SETTING_FIGURES, all_figures, stems
 from scenarios.report.tables import certificate_text, expectations, ranking, true_poles
@@ -40,7 +40,7 @@ table { border-collapse: collapse; width: 100%; font-size: .8rem; line-height: 1
 caption { text-align: left; padding: .55rem .7rem; color: var(--soft); }
 th, td { padding: .35rem .5rem; text-align: left; vertical-align: top; border-top: 1px solid var(--line); }
 thead th { vertical-align: bottom; border-top: 0; border-bottom: 2px solid var(--line); font-weight: 600; }
-tbody th { font-weight: 600; min-width: 8rem; }
+tbody th { font-weight: 600; min-width: 10rem; }
 tbody th small { display: block; font-weight: 400; color: var(--bad); }
 td.number, th.number { text-align: right; white-space: nowrap; }
 thead th.number { white-space: normal; }
@@ -151,13 +151,23 @@ def _setting(setting: SettingResult, stem: str, figures: Mapping[str, Figure]) -
 
 
 def _ranking(setting: SettingResult) -> str:
-    """Return the ranking table; a note stands below the method's name, where it cannot be overlooked."""
+    """Return the ranking as two tables that fit the page: errors against the truth, and fits to the validation data.
+
+    A note stands below the method's name, where it cannot be overlooked.
+    """
     headers, rows = ranking(setting)
-    notes = [row[-1] for row in rows] if headers[-1] == "note" else None
-    if notes is not None:
-        headers, rows = headers[:-1], [row[:-1] for row in rows]
-    caption = f"Methods in the setting {setting.spec.name}, best first; medians over the runs"
-    return _table(headers, rows, caption, lead=1, notes=notes)
+    notes = [row[-1] if headers[-1] == "note" else "" for row in rows]
+    fits = [k for k, header in enumerate(headers) if header.startswith(("fit", "below", "VAF"))]
+    errors = [k for k in range(3, len(headers)) if k not in fits and headers[k] != "note"]
+    html = ""
+    for what, chosen in (("errors against the truth", errors), ("fits to the validation run", fits)):
+        kept = [k for k, row in enumerate(rows) if row[0] or any(row[c] != NONE for c in chosen)]
+        if chosen:
+            columns, shown = [0, 1, 2, *chosen], [notes[k] for k in kept]
+            cells = [[rows[k][c] for c in columns] for k in kept]
+            caption = f"Setting {setting.spec.name}, best method first: {what}, medians over the runs"
+            html += _table([headers[c] for c in columns], cells, caption, lead=1, notes=shown)
+    return html
 
 
 def _warnings(setting: SettingResult) -> list[str]:

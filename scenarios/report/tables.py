@@ -1,16 +1,15 @@
 """Rows of text from a run, for the terminal and the page alike."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from excite.persistency import Certificate
-from identify.estimate import Estimate, Status
+from identify.estimate import Status
 from identify.metrics import continuous_poles, pole_errors
-from scenarios.report.columns import NONE, Column, columns_of, number
+from scenarios.report.columns import NONE, Column, columns_of, complex_text, number
 from scenarios.report.rows import diverging, first_estimate, spread, trusted
-from scenarios.report.verdict import summary
 from scenarios.results import Row, RunResult, SettingResult
 
 Table = tuple[list[str], list[list[str]]]
@@ -25,7 +24,7 @@ def ranking(setting: SettingResult, compact: bool = False) -> Table:
     rows, rank = _truth_rows(setting, columns, compact), 0
     for row in setting.rows:
         rank += row.reason is None
-        cells = [_cell(row, c) for c in columns]
+        cells = [_cell(row, c, compact and k > 0) for k, c in enumerate(columns)]
         rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(setting, row)])
     headers = ["rank", "method", "order", *names, "note"]
     keep = [k for k in range(len(headers)) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
@@ -39,7 +38,7 @@ def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool
     fits = {m: v for m, v in setting.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
     floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
     measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
-    names = ("linearisation floor", "truth, measured") if compact else (
+    names = ("noise-free truth", "measured truth") if compact else (
         "linearisation floor (noise-free truth)", "truth on the measured flight"
     )  # fmt: skip
     return [
@@ -48,10 +47,10 @@ def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool
     ]
 
 
-def _cell(row: Row, column: Column) -> str:
+def _cell(row: Row, column: Column, plain: bool) -> str:
     statistic = spread(row, column.metric)
     texts = {k: number(column.scale * statistic[k], column.decimals) for k in ("median", "q25", "q75")}
-    if not column.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
+    if plain or not column.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
         return texts["median"]
     return f"{texts['median']} [{texts['q25']} {texts['q75']}]"
 
@@ -104,12 +103,6 @@ def true_poles(setting: SettingResult) -> Table:
     return headers, rows
 
 
-def complex_text(s: complex) -> str:
-    """Return a pole as text, with ± for the pair."""
-    real = number(s.real).replace("-", "−")
-    return real if abs(s.imag) < 1e-9 * max(abs(s), 1e-12) else f"{real} ± {number(abs(s.imag))}j"
-
-
 def expectations(result: RunResult) -> Table:
     """Return what the scenario expects, what came out, and whether it was met."""
     rows = [
@@ -137,38 +130,6 @@ def certificate_text(cert: Certificate) -> list[str]:
     if cert.usable_response_s is not None:
         lines.append(f"responses of the channels stay apart for {number(cert.usable_response_s)} s")
     return lines + [f"warning: {warning}" for warning in cert.warnings]
-
-
-def estimate_text(estimate: Estimate, fit: Mapping[str, Sequence[float]]) -> list[str]:
-    """Return one identified model in lines for a reader; fit : kind -> value of each output, %."""
-    model = estimate.model
-    lines = [f"{estimate.method}, order {estimate.order}, dt {model.dt:g} s, {estimate.seconds:.2f} s: {estimate.status.value}"]
-    poles = model.poles()
-    s = continuous_poles(poles, model.dt)
-    lines.append("poles:")
-    for k in np.argsort(np.abs(s)):
-        if s[k].imag >= -1e-9 * max(abs(s[k]), 1):
-            size = max(abs(s[k]), 1e-300)
-            moving = f"{number(size / (2 * np.pi))} Hz, damping {number(-s[k].real / size)}"
-            lines.append(f"  |z| {abs(poles[k]):.6f}   s {complex_text(s[k])} rad/s   {moving}")
-    for kind, values in fit.items():
-        each = ", ".join(f"{c.name} {number(v, 2)} %" for c, v in zip(model.outputs, values, strict=True))
-        lines.append(f"fit {kind.replace('_', ' ')}: {each}")
-    if estimate.condition is not None:
-        lines.append(f"condition of the compressed data {number(estimate.condition)}, by {estimate.path or 'one path'}")
-    return lines + [f"warning: {warning}" for warning in estimate.warnings]
-
-
-def summary_text(result: RunResult) -> list[str]:
-    """Return a finished run in lines for a terminal: summary, warnings, a table a setting, expectations."""
-    first, *others = summary(result)
-    lines = [f"{result.scenario.name}: {first}", *(f"warning: {warning}" for warning in result.warnings)]
-    for setting in result.settings:
-        lines += ["", f"{setting.spec.name} (dt {setting.dt * 1e3:.4g} ms)", *to_text(*ranking(setting, True)).split("\n")]
-    lines += ["", *others[: len(result.settings)]]
-    if result.expectations:
-        lines += ["", *to_text(*expectations(result)).split("\n")]
-    return [*lines, "", f"report: {result.folder / 'report.html'}"]
 
 
 def to_text(headers: Sequence[str], rows: Sequence[Sequence[str]], width: int = 140) -> str:

@@ -4,9 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarios.report.columns import COLUMNS, columns_of, number
-from scenarios.report.rows import diverging, sound, spread, trusted
+from identify.metrics import continuous_poles, pole_errors
+from scenarios.report.columns import COLUMNS, columns_of, complex_text, number
+from scenarios.report.rows import diverging, first_estimate, sound, spread, trusted
 from scenarios.results import Row, RunResult, SettingResult
+
+FAR = 0.1  # pole error beyond which the verdict says which pole is meant
 
 
 def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
@@ -26,8 +29,10 @@ def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
     rival = next((r for r in good if r.method != row.method), None)
     if rival is not None and np.isfinite(rival.rank_value) and row.rank_value > 0:
         ratio = number(rival.rank_value / row.rank_value)
-        unclear = "; their quartiles overlap: more runs would separate them" if _overlap(row, rival, rank_by) else ""
+        unclear = "; their quartiles overlap, so that this may be chance" if _overlap(row, rival, rank_by) else ""
         sentences.append(f"Next comes {rival.label}, its ranking value {ratio} times as large{unclear}.")
+    if setting.truth is not None and spread(row, "pole_error_max")["median"] > FAR:
+        sentences.append(_worst_pole(setting, row))
     if count := diverging(row):
         sentences.append(
             f"Simulated over the whole validation run it diverges in {count} of {len(row.scores)} runs, as integrating or "
@@ -58,6 +63,16 @@ def summary(result: RunResult) -> list[str]:
         met = sum(met for *_, met in result.expectations)
         paragraphs.append(f"Expectations met: {met} of {len(result.expectations)}.")
     return paragraphs
+
+
+def _worst_pole(setting: SettingResult, row: Row) -> str:
+    """Return which true pole the row's first run misses most."""
+    errors = pole_errors(setting.truth.model.poles(), first_estimate(row).model.poles(), setting.dt)
+    if errors.missing:
+        return "Not every pole is found: the order is below that of the truth."
+    k = int(np.argmax(errors.relative))
+    pole = complex_text(continuous_poles(errors.true[k : k + 1], setting.dt)[0])
+    return f"Not every pole is found well: in the first run, that at {pole} rad/s is off by {100 * errors.relative[k]:.3g} %."
 
 
 def _sentence(header: str) -> str:
