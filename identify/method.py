@@ -19,8 +19,13 @@ Data = Experiment | Sequence[Experiment]
 # One line adds a method: name -> "module:class".
 METHODS: dict[str, str] = {
     "arx": "identify.prediction_error.arx:Arx",
+    "cva": "identify.subspace.n4sid:Cva",
     "iem": "identify.subspace.iem:Iem",
+    "n4sid": "identify.subspace.n4sid:N4sid",
+    "parsim_k": "identify.subspace.parsim_k:ParsimK",
+    "pbsid": "identify.subspace.pbsid:Pbsid",
     "po_moesp": "identify.subspace.po_moesp:PoMoesp",
+    "ssinnov1": "identify.subspace.ssinnov1:Ssinnov1",
     "ssarx": "identify.subspace.ssarx:Ssarx",
 }
 

@@ -100,3 +100,12 @@ def regress(target: np.ndarray, *regressors: np.ndarray) -> list[np.ndarray]:
     solution = la.lstsq((stacked / scale[:, None]).T, target.T, cond=1e-11, check_finite=False)[0].T / scale
     edges = np.cumsum([0] + [len(r) for r in regressors])
     return [solution[:, a:b] for a, b in pairwise(edges)]
+
+
+def orthonormal(Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return W and Q = W Z with orthonormal rows spanning those of Z."""
+    scale = np.linalg.norm(Z, axis=1)
+    scale[scale == 0] = 1.0
+    left, s, right = la.svd(Z / scale[:, None], full_matrices=False, check_finite=False)
+    keep = s > 1e-11 * s[0]
+    return (left[:, keep] / s[keep]).T / scale, right[keep]

@@ -6,6 +6,7 @@ from excite.errors import ExciteError
 from excite.types.models import StateSpaceModel, kalman_gain
 from identify.estimate import Estimate, Status
 from identify.ground.compression import PastFuture
+from identify.ground.initial_state import initial_state
 from identify.ground.input_matrices import input_matrices
 from identify.ground.kalman import spectral_radius
 
@@ -13,8 +14,9 @@ from identify.ground.kalman import spectral_radius
 def complete(
     name: str, data: PastFuture, A: np.ndarray, C: np.ndarray, K: np.ndarray, E: np.ndarray, *, feedthrough: bool,
     predictor: bool, singular_values: np.ndarray, warnings: tuple[str, ...] = (),
+    fitted: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Estimate:  # fmt: skip
-    """Return the estimate with B, D and x0 fitted on all samples.
+    """Return the estimate with B, D and x0 fitted on all samples (B and D unless the method has `fitted` them itself).
 
     predictor : fit them through the one-step predictor (A - K C); else by simulation, which only open-loop data and a
     stable A allow. E (ny, …) : compressed innovation rows, whose covariance guards K.
@@ -32,16 +34,20 @@ def complete(
     if not predictor and spectral_radius(A) >= 1:
         predictor = True
         warnings.append("A is not stable, so B, D and x0 were fitted through the one-step predictor, not by simulation")
-    fitted = input_matrices(data.experiments, A, C, K if predictor else np.zeros_like(K), feedthrough)
-    if not all(np.isfinite(m).all() for m in (fitted.B, fitted.D)):
-        raise ExciteError(f"{name}: the fit of B and D overflowed (spectral radius {spectral_radius(A):.3f}); lower the order")
     first = data.experiments[0]
-    model = StateSpaceModel(
-        A, fitted.B, C, fitted.D, first.dt, K=K, innovation_cov=E @ E.T / data.factor.columns,
-        inputs=first.inputs, outputs=first.outputs,
-    )  # fmt: skip
+    noise = {"K": K, "innovation_cov": E @ E.T / data.factor.columns}
+    channels = {"inputs": first.inputs, "outputs": first.outputs}
+    if fitted is None:
+        found = input_matrices(data.experiments, A, C, K if predictor else np.zeros_like(K), feedthrough)
+        if not all(np.isfinite(m).all() for m in (found.B, found.D)):
+            raise ExciteError(f"{name}: the fit of B and D overflowed (A has radius {spectral_radius(A):.3f}); lower the order")
+        model = StateSpaceModel(A, found.B, C, found.D, first.dt, **noise, **channels)
+        x0 = found.x0
+    else:
+        model = StateSpaceModel(A, fitted[0], C, fitted[1], first.dt, **noise, **channels)
+        x0 = tuple(initial_state(model, e, predictor) for e in data.experiments)
     return Estimate(
-        model, name, len(A), x0=fitted.x0, singular_values=singular_values,
+        model, name, len(A), x0=x0, singular_values=singular_values,
         status=Status.SUSPECT if warnings and noisy and radius >= 1 else Status.OK, warnings=tuple(warnings),
         condition=data.factor.condition, path=data.factor.path,
     )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg as la
 
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, regress
+from identify.ground.compression import PastFuture, orthonormal, regress
 from identify.ground.kalman import state_regression
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
@@ -48,10 +48,9 @@ class Ssarx(SubspaceMethod):
         Hu = _toeplitz(np.concatenate([D[None], _newest_first(theta[0][:, : p * nu], p)]), f)
         Hy = _toeplitz(np.concatenate([np.zeros((1, ny, ny)), _newest_first(theta[0][:, p * nu :], p)]), f)
         future = Y - Hu @ U - Hy @ Y
-        whiten_future = la.qr(future.T, mode="r", check_finite=False)[0][: len(future)].T
-        past, basis = _orthonormal(Z)
-        correlation = la.solve_triangular(whiten_future, future @ basis.T, lower=True, check_finite=False)
-        _, values, right = la.svd(correlation, full_matrices=False, check_finite=False)
+        past, past_basis = orthonormal(Z)
+        _, future_basis = orthonormal(future)
+        _, values, right = la.svd(future_basis @ past_basis.T, full_matrices=False, check_finite=False)
         n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
         to_state = right[:n] @ past
         X, X_next = to_state @ Z, to_state @ factor.z(1)
@@ -73,12 +72,3 @@ def _toeplitz(blocks: np.ndarray, f: int) -> np.ndarray:
     padded = np.concatenate([np.zeros((f - 1, ny, m)), blocks[:f], np.zeros((max(0, f - len(blocks)), ny, m))])
     lag = np.arange(f)[:, None] - np.arange(f)[None, :] + f - 1
     return padded[lag].transpose(0, 2, 1, 3).reshape(f * ny, f * m)
-
-
-def _orthonormal(Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return W and Q = W Z with orthonormal rows spanning those of Z."""
-    scale = np.linalg.norm(Z, axis=1)
-    scale[scale == 0] = 1.0
-    left, s, right = la.svd(Z / scale[:, None], full_matrices=False, check_finite=False)
-    keep = s > 1e-11 * s[0]
-    return (left[:, keep] / s[keep]).T / scale, right[keep]

@@ -1,0 +1,64 @@
+"""PARSIM-K: parsimonious predictor form, for open- and closed-loop data."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.linalg as la
+
+from identify.estimate import Estimate
+from identify.ground.compression import PastFuture, regress
+from identify.ground.kalman import state_regression
+from identify.method import order_or_gap
+from identify.subspace.realize import complete
+from identify.subspace.subspace_method import SubspaceMethod
+
+
+@dataclass(frozen=True)
+class ParsimK(SubspaceMethod):
+    """Parsimonious subspace identification in predictor form (Pannocchia and Calosi 2010).
+
+    Row i of the future, Y_i = C Ak^(i-1) L_p Z_p + sum_(k<i) C Ak^(i-1-k) [B - K D, K] [U_k; Y_k] + E_i, holds one block of
+    Markov parameters that the rows before it did not: only that block and Gamma_i L_p are estimated, so the model stays
+    causal. The SVD of Gamma L_p, weighted by Z_p, gives the state; A, C, K by regression, B, D, x0 through the predictor.
+
+    past, future : horizons p, f; feedthrough : allow D (the controller then needs a delay).
+    """
+
+    name: ClassVar[str] = "parsim_k"
+    summary: ClassVar[str] = "parsimonious predictor form; open and closed loop"
+    closed_loop: ClassVar[bool] = True
+
+    past: int = 20
+    future: int = 20
+    feedthrough: bool = False
+
+    def horizons(self) -> tuple[int, int]:
+        """(past, future)."""
+        return self.past, self.future
+
+    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+        """Return the model of one order."""
+        p, f, nu, ny = self.past, self.future, factor.nu, factor.ny
+        Z, pairs, markov, rows = factor.z(), [], [], []
+        for i in range(f):
+            u, y = factor.u(p + i, p + i + 1), factor.y(p + i, p + i + 1)
+            known = sum((m @ w for m, w in zip(markov, reversed(pairs[1:]), strict=True)), np.zeros_like(y))
+            if i == 0:
+                fitted = regress(y, *([Z, u] if self.feedthrough else [Z]))
+                D = fitted[1] if self.feedthrough else np.zeros((ny, nu))
+            else:
+                fitted = regress(y - D @ u - known, Z, pairs[0])
+                markov.append(fitted[1])
+            rows.append(fitted[0])
+            pairs.append(np.vstack([u, y]))
+        observed = np.vstack(rows)
+        _, values, right = la.svd(observed @ Z, full_matrices=False, check_finite=False)
+        n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
+        to_state = regress(np.sqrt(values[:n])[:, None] * right[:n], Z)[0]
+        U, Y = factor.u(p, p + 1), factor.y(p, p + 1)
+        A, C, K, E = state_regression(to_state @ Z, to_state @ factor.z(1), U, Y, self.feedthrough)
+        return complete(
+            self.name, factor, A, C, K, E, feedthrough=self.feedthrough, predictor=True, singular_values=values,
+            warnings=warnings,
+        )  # fmt: skip
