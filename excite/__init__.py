@@ -1,6 +1,6 @@
 """Design the input of an identification experiment. `from excite import Signal, prbs, certify, …`."""
 
-from excite.generators.prbs import prbs
+from excite.generators import multisine, multistep, noise, prbs, sweep
 from excite.persistency import Certificate, certify
 from excite.types.channel import Channel
 from excite.types.experiment import Experiment
@@ -21,5 +21,9 @@ __all__ = [
     "StateSpaceModel",
     "Truth",
     "certify",
+    "multisine",
+    "multistep",
+    "noise",
     "prbs",
+    "sweep",
 ]

@@ -1,6 +1,7 @@
 """Errors that reach the user: each message names the place, the value and the remedy."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 
@@ -29,3 +30,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     known = sorted(known)
     near = get_close_matches(name, known, n=1, cutoff=0.6)
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+
+
+@contextmanager
+def placed(place: str) -> Iterator[None]:
+    """Put the place (a file, a key path) before the message of an error raised inside."""
+    try:
+        yield
+    except ExciteError as error:
+        raise type(error)(f"{place}: {error}") from error

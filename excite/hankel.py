@@ -94,16 +94,26 @@ def hankel_gram(segments: Sequence[np.ndarray], rows: int) -> np.ndarray:
 
 
 def _first_block_row(w: np.ndarray, rows: int) -> np.ndarray:
-    """Sum over columns of w(t) w(t+j)^T, as (c, rows, c)."""
+    """Sum over columns t of w(t) w(t+j)^T for j below `rows`, as (c, rows, c).
+
+    Blocks of B samples times their windows of B + rows - 1 samples, all in one matrix product X^T Y; the sum over t is
+    then that of the product's B diagonals: M (B + rows) multiplications a channel pair, where columns one by one read
+    M rows numbers from memory.
+    """
     c = w.shape[1]
     M = len(w) - rows + 1
-    size = max(1, CHUNK_VALUES // (8 * rows * c))
-    total = np.zeros((c, rows * c))
-    windows = sliding_window_view(w.reshape(-1), rows * c)[::c]
-    for start in range(0, M, size):
-        stop = min(start + size, M)
-        total += w[start:stop].T @ np.ascontiguousarray(windows[start:stop])
-    return total.reshape(c, rows, c)
+    B = max(rows, 32)
+    blocks = -(-M // B)
+    heads, tails = np.zeros((blocks * B, c)), np.zeros(((blocks + 1) * B, c))
+    heads[:M], tails[: len(w)] = w[:M], w
+    X = heads.reshape(blocks, B * c)
+    Y = sliding_window_view(tails.reshape(-1), (B + rows - 1) * c)[:: B * c][:blocks]
+    size = max(1, CHUNK_VALUES // (8 * (B + rows) * c))
+    P = np.zeros((B * c, (B + rows - 1) * c))
+    for start in range(0, blocks, size):
+        P += X[start : start + size].T @ np.ascontiguousarray(Y[start : start + size])
+    P = P.reshape(B, c, B + rows - 1, c)
+    return sum(P[i, :, i : i + rows] for i in range(B))
 
 
 def _cholesky(segments: Sequence[np.ndarray], rows: int, d: int) -> np.ndarray | None:

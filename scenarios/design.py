@@ -1,10 +1,14 @@
-"""From a scenario to what is played: excitation, certificates, horizons; unsafe or unexciting designs are refused."""
+"""From a scenario to what is played: excitation, certificates, horizons; what cannot work is refused before it flies."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from excite.errors import DesignRefused, ExciteError
+import numpy as np
+
+from excite.errors import DesignRefused, ExciteError, placed
 from excite.persistency import Certificate, certify
+from excite.types.experiment import Experiment
+from excite.types.recording import Recording
 from excite.types.signal import Signal
 from excite.types.truth import Truth
 from identify.method import Method, method_class
@@ -23,35 +27,53 @@ class Design:
 
 
 def make_design(scenario: Scenario) -> Design:
-    """Design the excitation and judge it for every setting and method; DesignRefused when it cannot work."""
+    """Design the excitation and judge it for every setting and method.
+
+    Raises ExciteError for roles, bands, orders and horizons that the records will not allow, and DesignRefused when the
+    excitation is unsafe or cannot work.
+    """
     signal = scenario.design(scenario.seed)
+    with placed(f"{scenario.file}: excitation"):
+        first = replace(signal, u=signal.u[:1], period=None)
+        recording = scenario.plant.run(first, inject=scenario.inject, noise=False)
     certificates, chosen, warnings = {}, {}, list(signal.recipe.get("warnings", ()))
-    for spec in scenario.settings:
-        chosen[spec.name] = setting_horizons(scenario, spec, signal)
-        certificate, notes = _judge(scenario, spec, chosen[spec.name], signal)
-        certificates[spec.name] = certificate
+    for i, spec in enumerate(scenario.settings):
+        with placed(f"{scenario.file}: setting[{i}]"):
+            recording.experiment(spec.roles)
+        chosen[spec.name] = rule = setting_horizons(scenario, spec, signal)
+        if note := _inexact(scenario, spec, rule, signal):
+            warnings.append(note)
+        _check_band(scenario, spec, rule)
+        _check_methods(scenario, spec, rule, signal)
+        certificates[spec.name], notes = _judge(scenario, spec, rule, signal)
         warnings += notes
     return Design(signal, certificates, chosen, tuple(dict.fromkeys(warnings)))
 
 
-def setting_truth(scenario: Scenario, spec: SettingSpec, recording: object = None) -> Truth | None:
+def setting_truth(scenario: Scenario, spec: SettingSpec, recording: Recording | None = None) -> Truth | None:
     """Return the truth at the setting's recorded rate; None for roles that the plant does not know."""
     return scenario.plant.truth(recording, spec.name) if spec.plants_own else None
 
 
 def setting_horizons(scenario: Scenario, spec: SettingSpec, signal: Signal) -> Horizons:
-    """Apply the design rule with the nominal truth; without one the scenario must give decimation and horizons."""
-    truth = setting_truth(scenario, spec)
-    if truth is None:
-        if spec.decimate == "auto":
-            raise ExciteError(
-                f"{scenario.name}: setting '{spec.name}' has roles of its own, so no truth says how to decimate it; "
-                "give decimate, and the methods their horizons"
-            )
-        return Horizons(spec.decimate, 20, 20, (f"decimation {spec.decimate} and the methods' own horizons: no truth",))
+    """Apply the design rule with the nominal truth; without one the methods keep their own horizons."""
     dt = scenario.plant.dt * spec.roles.every
-    hold = round(signal.dt * signal.recipe.get("hold", 1) / dt)
-    return horizons(truth.model, None if spec.roles.closed or hold <= 1 else hold, spec.decimate)
+    if spec.decimate != "auto" and spec.decimate * dt > signal.duration_s:
+        raise ExciteError(
+            f"{scenario.file}: setting '{spec.name}': decimate: {spec.decimate} leaves one sample of "
+            f"{signal.duration_s:g} s; give at most {signal.duration_s / dt / 2:.0f}"
+        )
+    if not spec.plants_own:
+        return Horizons(spec.decimate, 20, 20, (f"decimation {spec.decimate} and the methods' own horizons: no truth",))
+    try:
+        truth = setting_truth(scenario, spec)
+        return horizons(truth.model, None if spec.roles.closed else _held(scenario, spec, signal), spec.decimate)
+    except np.linalg.LinAlgError as error:
+        given = scenario.source["plant"].get("parameters", {})
+        raise ExciteError(
+            f"{scenario.file}: plant.parameters: {given} leave setting '{spec.name}' without a linearised truth ({error}); "
+            "change them, or give the setting inputs, outputs and decimate of its own"
+        ) from error
 
 
 def built_methods(scenario: Scenario, spec: SettingSpec, rule: Horizons) -> list[tuple[MethodSpec, Method]]:
@@ -60,18 +82,59 @@ def built_methods(scenario: Scenario, spec: SettingSpec, rule: Horizons) -> list
     return [(m, m.build(rule.fill(method_class(m.name)))) for m in mine]
 
 
+def _held(scenario: Scenario, spec: SettingSpec, signal: Signal) -> int | None:
+    """Samples of the setting over which the excitation is held, None when it moves every sample."""
+    hold = round(signal.dt * signal.recipe.get("hold", 1) / (scenario.plant.dt * spec.roles.every))
+    return hold if hold > 1 else None
+
+
+def _inexact(scenario: Scenario, spec: SettingSpec, rule: Horizons, signal: Signal) -> str | None:
+    """Return a warning when the decimated records are those of no discrete model."""
+    held = None if spec.roles.closed else _held(scenario, spec, signal)
+    if rule.every == 1 or (held and held % rule.every == 0):
+        return None
+    moves = f"is held for {held} samples, no multiple of it" if held else "moves every sample"
+    return f"setting '{spec.name}': decimation {rule.every} is not exact, since the input {moves}"
+
+
+def _check_band(scenario: Scenario, spec: SettingSpec, rule: Horizons) -> None:
+    nyquist = 0.5 / (scenario.plant.dt * spec.roles.every * rule.every)
+    high = scenario.bands_hz.get(spec.name, (0.0, nyquist))[1]
+    if high > nyquist:
+        raise ExciteError(
+            f"{scenario.file}: score.bands_hz.{spec.name}[1]: {high:g} Hz exceeds the Nyquist frequency {nyquist:g} Hz of "
+            f"this setting (decimation {rule.every}); lower it"
+        )
+
+
+def _check_methods(scenario: Scenario, spec: SettingSpec, rule: Horizons, signal: Signal) -> None:
+    """Refuse orders and horizons that records of the coming length and channels cannot bear."""
+    dt = scenario.plant.dt * spec.roles.every
+    length = (round(signal.duration_s / dt) - round(scenario.discard_s / dt)) // rule.every
+    columns = np.random.default_rng(0).standard_normal(
+        (max(length, 1), len(spec.roles.inputs) + len(spec.roles.outputs))
+    )
+    u, y = np.split(columns, [len(spec.roles.inputs)], axis=1)
+    stand_in = Experiment(u, y, dt=dt * rule.every)
+    for m, method in built_methods(scenario, spec, rule):
+        for n in m.orders:
+            with placed(f"{m.place}: setting '{spec.name}', {len(u)} samples of {stand_in.dt:g} s"):
+                method.check(stand_in, n)
+
+
 def _judge(scenario: Scenario, spec: SettingSpec, rule: Horizons, signal: Signal) -> tuple[Certificate, list[str]]:
     """Certify the excitation at the setting's rate against what its methods need."""
     pairs = [(m, method, n) for m, method in built_methods(scenario, spec, rule) for n in m.orders]
-    sufficient = max((method.sufficient_excitation(n) for _, method, n in pairs), default=1)
-    certificate = certify(signal.sampled(scenario.plant.dt * spec.roles.every * rule.every), block_rows=sufficient)
+    sufficient = max(method.sufficient_excitation(n) for _, method, n in pairs)
+    dt = scenario.plant.dt
+    certificate = certify(signal.sampled(dt).sampled(dt * spec.roles.every * rule.every), block_rows=sufficient)
     warnings = []
     for m, method, n in pairs:
         need, enough = method.required_excitation(n), method.sufficient_excitation(n)
         what = f"setting '{spec.name}': {m.name} n={n}"
         if certificate.order < need and not spec.roles.closed:
             raise DesignRefused(
-                f"{scenario.name}: {what} needs an input persistently exciting of order {need}, the design has order "
+                f"{scenario.file}: {what} needs an input persistently exciting of order {need}, the design has order "
                 f"{certificate.order} at {certificate.dt * 1e3:g} ms; play a longer period, or shorten the horizons"
             )
         if certificate.order < enough:

@@ -3,8 +3,10 @@
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.errors import ExciteError
+from excite.errors import ExciteError, placed
 from excite.files import load_recording, save_recording, save_signal
 from excite.types.experiment import Experiment
 from excite.types.models import Model
@@ -22,12 +24,12 @@ from identify.estimate import Estimate
 from identify.method import experiments
 from identify.metrics import default_band
 from identify.model_json import estimate_from_dict, estimate_to_dict
-from identify.score import Score, floor_metric, score
-from scenarios.design import Design, built_methods, make_design, setting_truth
+from identify.score import METRICS, Score, floor_metric, score
+from scenarios.design import Design, built_methods, make_design, setting_horizons, setting_truth
 from scenarios.results import Row, RunResult, SettingResult
 from scenarios.rule import Horizons
 from scenarios.spec import STATISTICS, Scenario, SettingSpec, check_scenario, statistics
-from scenarios.store import open_folder, read_json, write_json
+from scenarios.store import intact, make_folder, open_folder, read_json, write_json
 
 Progress = Callable[[str, int, int], None]
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -41,37 +43,54 @@ def run_scenario(scenario: Scenario, folder: Path, jobs: int = 1, progress: Prog
     with open_folder(folder, scenario.source):
         certificates = {name: c.to_dict() for name, c in design.certificates.items()}
         write_json(folder / "certificate.json", certificates)
-        if not (folder / "excitation.csv").exists():
+        if not (folder / "excitation.csv.json").exists():  # written after the CSV file it describes
             save_signal(design.signal, folder / "excitation.csv", certificate=certificates)
         flights = [("estimation", k) for k in range(scenario.estimation_runs)]
         flights += [(kind, k) for kind in KINDS[1:] for k in range(scenario.validation_runs)]
         fits = [(spec.name, k) for spec in scenario.settings for k in range(scenario.estimation_runs)]
-        total = len(flights) + len(fits)
-        done = 0
-        for stage, task, pieces in (("flying", fly, flights), ("identifying", identify, fits)):
-            for _ in _each(task, dict(scenario.source), folder, pieces, jobs):
-                done += 1
-                progress(stage, done, total)
+        done, total = 0, len(flights) + len(fits)
+        wanted = {
+            fly: [piece for piece in flights if not recording_path(folder, *piece).exists()],
+            identify: [piece for piece in fits if _unfinished(scenario, folder, *piece)],
+        }
+        with _workers(min(jobs, max(map(len, wanted.values())))) as each:
+            for stage, task, pieces in (("flying", fly, flights), ("identifying", identify, fits)):
+                done += len(pieces) - len(wanted[task])
+                for _ in each(task, [(dict(scenario.source), folder, *piece) for piece in wanted[task]]):
+                    done += 1
+                    progress(stage, done, total)
         result = _collect(scenario, design, folder)
         write_json(folder / "scores.json", to_json(result))
         return result
 
 
-def _each(task: Callable, source: dict, folder: Path, pieces: list, jobs: int) -> Iterator[None]:
-    """Do the pieces that are not there yet, in this process or in several (each then with one BLAS thread)."""
-    if jobs == 1 or len(pieces) == 1:
-        for piece in pieces:
-            yield task(source, folder, *piece)
+@contextmanager
+def _workers(jobs: int) -> Iterator[Callable[[Callable, list], Iterator]]:
+    """Yield a map over pieces, here or in other processes (each with one BLAS thread), which end when this one does."""
+    if jobs <= 1:
+        yield lambda task, pieces: (task(*piece) for piece in pieces)
         return
-    with _single_threaded(), ProcessPoolExecutor(
-        jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_leave_interrupts_to_parent
-    ) as pool:
-        futures = [pool.submit(task, source, folder, *piece) for piece in pieces]
+    others = multiprocessing.active_children()
+    context = multiprocessing.get_context("spawn")
+    with _single_threaded(), ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent) as pool:
+
+        def each(task: Callable, pieces: list) -> Iterator[None]:
+            with _interrupts_ignored():  # by the processes that the first submit starts; Ctrl-C is for this one
+                futures = [pool.submit(task, *piece) for piece in pieces]
+            return (future.result() for future in as_completed(futures))
+
         try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+            yield each
+        except BaseException as error:
+            for child in multiprocessing.active_children():
+                if child not in others:
+                    child.terminate()
+            if isinstance(error, BrokenProcessPool):
+                raise ExciteError(
+                    "a worker process died, perhaps for lack of memory; give the same command with fewer --jobs: it goes "
+                    "on from the finished pieces"
+                ) from error
+            raise
 
 
 @contextmanager
@@ -86,8 +105,33 @@ def _single_threaded() -> Iterator[None]:
             os.environ.pop(name) if value is None else os.environ.update({name: value})
 
 
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignore Ctrl-C inside, as processes started there go on to do; only the main thread can."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end_with_parent() -> None:
+    """Leave this process as soon as its parent is gone, however that died."""
+
+    def watch() -> None:
+        multiprocessing.parent_process().join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _unfinished(scenario: Scenario, folder: Path, setting: str, k: int) -> bool:
+    """Whether a method of the setting still has no result for an estimation run."""
+    mine = [(m.name, n) for m in scenario.methods if m.setting == setting for n in m.orders]
+    return not all(result_path(folder, setting, name, n, k).exists() for name, n in mine)
 
 
 def recording_path(folder: Path, kind: str, k: int) -> Path:
@@ -100,16 +144,23 @@ def fly(source: dict, folder: Path, kind: str, k: int) -> None:
 
     Estimation runs share one excitation under different noise; validation runs have a fresh realisation of it.
     """
-    path = recording_path(folder, kind, k)
-    if path.exists():
-        return
-    scenario = check_scenario(source, "scenario")
+    scenario = check_scenario(source, str(folder))
     excitation = scenario.design(scenario.seed if kind == "estimation" else scenario.seed + 1 + k)
     seed = scenario.seed + k + (0 if kind == "estimation" else VALIDATION_OFFSET)
     noise = False if kind == "clean" else scenario.noise
-    recording = scenario.plant.run(excitation, inject=scenario.inject, noise=noise, seed=seed)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    parameters = source["plant"].get("parameters")
+    with placed(f"{kind} flight {k}" + (f" with plant.parameters {parameters}" if parameters else "")):
+        recording = scenario.plant.run(excitation, inject=scenario.inject, noise=noise, seed=seed)
+    path = recording_path(folder, kind, k)
+    make_folder(path.parent)
     save_recording(recording, path)
+
+
+def flown(folder: Path, kind: str, k: int) -> Recording:
+    """Return the recording of one flight."""
+    path = recording_path(folder, kind, k)
+    with intact(path):
+        return load_recording(path)
 
 
 def view(scenario: Scenario, spec: SettingSpec, rule: Horizons, recording: Recording) -> Experiment:
@@ -126,33 +177,28 @@ def lifted(truth: Truth | None, every: int) -> Truth | None:
 
 def identify(source: dict, folder: Path, setting: str, k: int) -> None:
     """Fit every method and order of one setting on one estimation run, and score it on the validation runs."""
-    scenario = check_scenario(source, "scenario")
+    scenario = check_scenario(source, str(folder))
     spec = next(s for s in scenario.settings if s.name == setting)
-    design = make_design(scenario)
-    rule = design.horizons[setting]
-    wanted = [(m, method, n) for m, method in built_methods(scenario, spec, rule) for n in m.orders]
-    wanted = [w for w in wanted if not result_path(folder, setting, w[0].name, w[2], k).exists()]
-    if not wanted:
-        return
-    data = None
+    rule = setting_horizons(scenario, spec, scenario.design(scenario.seed))
+    recording = flown(folder, "estimation", k)
+    data = experiments(view(scenario, spec, rule, recording))
+    judge = _Judge(scenario, spec, rule, folder, recording)
     factors: dict[tuple, Any] = {}
-    for m, method, n in wanted:
-        if data is None:
-            recording = load_recording(recording_path(folder, "estimation", k))
-            data = experiments(view(scenario, spec, rule, recording))
-            judge = _Judge(scenario, spec, rule, folder, recording)
-        try:
-            method.check(data, n)
-            if method.factor_key() not in factors:
-                factors[method.factor_key()] = method.prepare(data)
-            estimate = method.fit(data, n, factors[method.factor_key()])
-            outcome = judge(estimate)
-        except ExciteError as error:
-            estimate, outcome = None, Score({}, reason=str(error))
-        write_json(
-            result_path(folder, setting, m.name, n, k),
-            {"estimate": estimate and estimate_to_dict(estimate, outcome.per_output), "score": score_to_dict(outcome)},
-        )
+    for m, method in built_methods(scenario, spec, rule):
+        for n in m.orders:
+            path = result_path(folder, setting, m.name, n, k)
+            if path.exists():
+                continue
+            try:
+                method.check(data, n)
+                if method.factor_key() not in factors:
+                    factors[method.factor_key()] = method.prepare(data)
+                estimate = method.fit(data, n, factors[method.factor_key()])
+                outcome = judge(estimate)
+            except ExciteError as error:
+                estimate, outcome = None, Score({}, reason=str(error))
+            fitted = estimate and estimate_to_dict(estimate, outcome.per_output)
+            write_json(path, {"estimate": fitted, "score": score_to_dict(outcome)})
 
 
 def result_path(folder: Path, setting: str, method: str, order: int, k: int) -> Path:
@@ -168,8 +214,7 @@ class _Judge:
     ) -> None:
         runs = range(scenario.validation_runs)
         self.validation, self.clean = (
-            [view(scenario, spec, rule, load_recording(recording_path(folder, kind, k))) for k in runs]
-            for kind in ("validation", "clean")
+            [view(scenario, spec, rule, flown(folder, kind, k)) for k in runs] for kind in ("validation", "clean")
         )
         self.truth = lifted(setting_truth(scenario, spec, recording), rule.every)
         dt = self.validation[0].dt
@@ -220,29 +265,30 @@ def _collect(scenario: Scenario, design: Design, folder: Path) -> RunResult:
         rows = rows if expectation.method == "best" else [r for r in rows if r.method == expectation.method]
         value = rows[0].summary.get(expectation.metric, {}).get(expectation.statistic, float("nan"))
         checked.append((expectation, value, expectation.holds(value)))
-    return RunResult(
-        scenario, folder, design.signal, design.certificates, settings, tuple(checked), design.warnings
-    )
+    return RunResult(scenario, folder, design.signal, design.certificates, settings, tuple(checked), design.warnings)
 
 
 def _setting_result(scenario: Scenario, spec: SettingSpec, rule: Horizons, folder: Path) -> SettingResult:
-    recording = load_recording(recording_path(folder, "estimation", 0))
+    recording = flown(folder, "estimation", 0)
     judge = _Judge(scenario, spec, rule, folder, recording)
     rows = []
     for m, method in built_methods(scenario, spec, rule):
         for n in m.orders:
-            paths = [result_path(folder, spec.name, m.name, n, k) for k in range(scenario.estimation_runs)]
-            outcomes = [read_json(path) for path in paths]
-            estimates = tuple(
-                o["estimate"] and estimate_from_dict(o["estimate"], str(p)) for o, p in zip(outcomes, paths, strict=True)
-            )
-            scores = tuple(score_from_dict(o["score"]) for o in outcomes)
+            outcomes = [_outcome(result_path(folder, spec.name, m.name, n, k)) for k in range(scenario.estimation_runs)]
+            estimates, scores = zip(*outcomes, strict=True)
             rows.append(_row(m.name, n, method.closed_loop, estimates, scores, scenario.rank_by))
     rows.sort(key=lambda row: row.rank_value)
     return SettingResult(
         spec, judge.validation[0].dt, rule, scenario.horizons_s, judge.truth, judge.band,
         None if judge.truth is None else judge(judge.truth.model), judge.validation[0], judge.clean[0], tuple(rows),
     )  # fmt: skip
+
+
+def _outcome(path: Path) -> tuple[Estimate | None, Score]:
+    with intact(path):
+        outcome = read_json(path)
+        fitted = outcome["estimate"]
+        return fitted and estimate_from_dict(fitted, "estimate"), score_from_dict(outcome["score"])
 
 
 def _row(
@@ -252,8 +298,9 @@ def _row(
     good = [s for s in scores if s.reason is None]
     names = dict.fromkeys(name for s in good for name in s.values)
     summary = {name: statistics([s.values.get(name, float("nan")) for s in good]) for name in names}
-    medians = np.array([summary.get(name, {}).get("median", np.nan) for name in rank_by])
-    rank = float(np.exp(np.mean(np.log(np.maximum(medians, 1e-300))))) if not np.isnan(medians).any() else np.inf
+    medians = {name: summary.get(name, {}).get("median", np.nan) for name in rank_by}
+    losses = np.array([value if METRICS[name][1] else 100 - value for name, value in medians.items()])
+    rank = float(np.exp(np.mean(np.log(np.maximum(losses, 1e-300))))) if not np.isnan(losses).any() else np.inf
     return Row(method, order, closed_loop, estimates, scores, summary, np.inf if reason else rank, reason)
 
 

@@ -4,25 +4,26 @@ import inspect
 import operator
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from excite.errors import DesignRefused, ExciteError, did_you_mean
+from excite.errors import DesignRefused, ExciteError, did_you_mean, placed
 from excite.generators import GENERATORS
 from excite.types.recording import Roles
 from excite.types.signal import Signal
-from identify.method import Method, load_method
+from identify.method import Method, load_method, method_class
 from identify.score import METRICS
 from plants.plant import Plant, load_plant
+from scenarios.toml_table import NUMBER, TomlTable, at_least, is_a
 
 LIBRARY = Path(__file__).parent / "library"
 STATISTICS = ("median", "q25", "q75", "min", "max", "mean")
 COMPARISONS = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
+BOUND = re.compile(r"\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decides itself
 
 
@@ -38,12 +39,13 @@ class SettingSpec:
 
 @dataclass(frozen=True)
 class MethodSpec:
-    """One method with its settings; horizons that are not given follow from the design rule."""
+    """One method with its settings; horizons that are not given follow from the design rule. place : its key path."""
 
     name: str
     setting: str
     orders: tuple[int, ...]
     settings: Mapping[str, Any] = field(default_factory=dict)
+    place: str = "method"
 
     def build(self, horizons: Mapping[str, int]) -> Method:
         """Return the method with the horizons of the design rule filled in where the scenario gives none."""
@@ -55,7 +57,7 @@ class Expectation:
     """`setting.method.metric.statistic` compared with a number."""
 
     key: str
-    setting: str | None
+    setting: str
     method: str
     metric: str
     statistic: str
@@ -69,7 +71,7 @@ class Expectation:
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A checked scenario. `source` is the plain dictionary it came from, `plant` the configured plant."""
+    """A checked scenario. `source` is the plain dictionary it came from, `file` its file, `plant` the configured plant."""
 
     name: str
     seed: int
@@ -88,6 +90,7 @@ class Scenario:
     horizons_s: tuple[float, ...]
     expect: tuple[Expectation, ...]
     source: Mapping[str, Any]
+    file: str = "scenario"
 
     def design(self, seed: int) -> Signal:
         """Return the excitation for a realisation seed."""
@@ -103,100 +106,44 @@ def shipped() -> dict[str, Path]:
 
 def load_scenario(name_or_path: str, runs: int | None = None) -> Scenario:
     """Read and check a scenario file or a shipped scenario; `runs` overrides data.estimation_runs."""
-    known = shipped()
-    path = Path(name_or_path)
+    path, file, known = Path(name_or_path), name_or_path, shipped()
     if not path.is_file():
         if name_or_path not in known:
             raise ExciteError(f"scenario '{name_or_path}' is neither a file nor shipped; {did_you_mean(name_or_path, known)}")
-        path = known[name_or_path]
+        path, file = known[name_or_path], f"{name_or_path}.toml"
     try:
-        source = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ExciteError(f"{path}: not a valid TOML file ({error}); mend it at that place") from None
+        source = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ExciteError(f"{file}: not a valid TOML file ({error}); mend it at that place") from None
     except OSError as error:
-        raise ExciteError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
-    if runs is not None:
-        source.setdefault("data", {})["estimation_runs"] = runs
-    return check_scenario(source, path.name)
-
-
-class _Table:
-    """One TOML table being read: typed access by key, and refusal of whatever is left over."""
-
-    def __init__(self, values: Any, place: str) -> None:
-        if not isinstance(values, dict):
-            raise ExciteError(f"{place}: {values!r}; expected a table")
-        self.values, self.place, self.known = dict(values), place, []
-
-    def take(self, key: str, kind: type | tuple[type, ...], default: Any = ..., check: Callable | None = None) -> Any:
-        self.known.append(key)
-        if key not in self.values:
-            if default is ...:
-                raise ExciteError(f"{self.place}{key}: missing; it is required")
-            return default
-        value = self.values.pop(key)
-        kinds = kind if isinstance(kind, tuple) else (kind,)
-        if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
-            names = " or ".join(_TYPE_NAMES[k] for k in kinds)
-            raise ExciteError(f"{self.place}{key}: {value!r} is not {names}")
-        if check is not None and (remedy := check(value)):
-            raise ExciteError(f"{self.place}{key}: {value!r}; {remedy}")
-        return value
-
-    def tables(self, key: str) -> list["_Table"]:
-        rows = self.take(key, list, [])
-        return [_Table(row, f"{self.place}{key}[{i}].") for i, row in enumerate(rows)]
-
-    def table(self, key: str) -> "_Table":
-        return _Table(self.take(key, dict, {}), f"{self.place}{key}.")
-
-    def done(self) -> None:
-        for key in self.values:
-            raise ExciteError(f"{self.place}{key}: unknown key; {did_you_mean(key, self.known)}")
-
-
-_TYPE_NAMES = {
-    str: "text", int: "a whole number", float: "a number", bool: "true or false", list: "a list", dict: "a table"
-}  # fmt: skip
-_NUMBER = (int, float)
-
-
-def _at_least(least: float) -> Callable[[Any], str | None]:
-    return lambda value: None if value >= least else f"give at least {least:g}"
+        raise ExciteError(f"{file}: cannot be read ({error.strerror}); check the path and its permissions") from None
+    if runs is not None and isinstance(source.setdefault("data", {}), dict):
+        source["data"]["estimation_runs"] = runs
+    return check_scenario(source, file)
 
 
 def _file_name(value: str) -> str | None:
-    return None if re.fullmatch(r"\w[\w-]*", value) else "use letters, digits, _ and -: it names files"
-
-
-@contextmanager
-def _placed(place: str) -> Iterator[None]:
-    """Prefix an inner error with the scenario's key path."""
-    try:
-        yield
-    except ExciteError as error:
-        raise type(error)(f"{place}: {error}") from None
+    return None if re.fullmatch(r"\w[\w-]{0,59}", value) else "use at most 60 letters, digits, _ and -: it names files"
 
 
 def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     """Check a scenario dictionary key by key; nothing is simulated."""
-    top = _Table(source, f"{file}: ")
+    top = TomlTable(source, f"{file}: ")
     name = top.take("name", str, check=_file_name)
-    seed = top.take("seed", int, 0, _at_least(0))
+    seed = top.take("seed", int, 0, at_least(0))
     description = top.take("description", str, "")
 
     table = top.table("plant")
-    with _placed(f"{file}: plant"):
-        plant = load_plant(
-            table.take("name", str), preset=table.take("preset", str, None), parameters=table.take("parameters", dict, {})
-        )
+    given = table.take("name", str), table.take("preset", str, None), table.take("parameters", dict, {})
     table.done()
+    with placed(f"{file}: plant"):
+        plant = load_plant(given[0], preset=given[1], parameters=given[2])
 
     table = top.table("noise")
     on = table.take("enabled", bool, True)
     levels = {}
     for key in plant.noise_sources:
-        value = table.take(key, _NUMBER, None, _at_least(0))
+        value = table.take(key, NUMBER, None, at_least(0))
         if value is not None:
             levels[key] = float(value)
     table.done()
@@ -210,42 +157,28 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     excitation = _excitation(top.table("excitation"))
 
     table = top.table("data")
-    estimation_runs = table.take("estimation_runs", int, 1, _at_least(1))
-    validation_runs = table.take("validation_runs", int, 1, _at_least(1))
-    discard_s = float(table.take("discard_s", _NUMBER, 0.0, _at_least(0)))
+    estimation_runs = table.take("estimation_runs", int, 1, at_least(1))
+    validation_runs = table.take("validation_runs", int, 1, at_least(1))
+    discard_s = float(table.take("discard_s", NUMBER, 0.0, at_least(0)))
     table.done()
 
-    settings = tuple(_setting(row, plant) for row in top.tables("setting"))
+    settings = tuple(_setting(row, plant, inject) for row in top.tables("setting"))
     if not settings:
-        raise ExciteError(f"{file}: setting: missing; give at least one [[setting]] with name = one of {_list(plant.settings)}")
-    _distinct([s.name for s in settings], f"{file}: setting", "name")
+        known = ", ".join(plant.settings)
+        raise ExciteError(f"{file}: setting: missing; give at least one [[setting]] with a name, such as {known}")
     names = [s.name for s in settings]
+    for i, name_i in enumerate(names):
+        if name_i.casefold() in [n.casefold() for n in names[:i]]:
+            raise ExciteError(f"{file}: setting[{i}].name: '{name_i}' is given twice; each setting needs its own")
     methods = tuple(spec for row in top.tables("method") for spec in _methods(row, names))
     if not methods:
         raise ExciteError(f"{file}: method: missing; give at least one [[method]]")
+    _refuse_twins(methods)
+    for i, setting in enumerate(names):
+        if setting not in [m.setting for m in methods]:
+            raise ExciteError(f"{file}: setting[{i}]: no method for '{setting}'; give it one, or drop the setting")
 
-    table = top.table("score")
-    rank_by = tuple(table.take("rank_by", list, ["pole_error_max", "frf_error_h2"]))
-    for i, metric in enumerate(rank_by):
-        if metric not in METRICS:
-            raise ExciteError(f"{table.place}rank_by[{i}]: {metric!r} is no metric; {did_you_mean(str(metric), METRICS)}")
-    horizons_s = tuple(table.take("horizons_s", list, []))
-    for i, horizon in enumerate(horizons_s):
-        if not isinstance(horizon, _NUMBER) or horizon <= 0:
-            raise ExciteError(f"{table.place}horizons_s[{i}]: {horizon!r}; give a positive number of seconds")
-    bands = {}
-    bands_table = table.table("bands_hz")
-    for key in names:
-        band = bands_table.take(key, list, None)
-        if band is not None:
-            if len(band) != 2 or not all(isinstance(f, _NUMBER) for f in band) or not 0 < band[0] < band[1]:
-                raise ExciteError(f"{bands_table.place}{key}: {band!r}; give [low, high] with 0 < low < high")
-            nyquist = 0.5 / (plant.dt * next(s.roles.every for s in settings if s.name == key))
-            if band[1] > nyquist:
-                raise ExciteError(f"{bands_table.place}{key}[1]: {band[1]:g} Hz exceeds the Nyquist frequency {nyquist:g} Hz")
-            bands[key] = (float(band[0]), float(band[1]))
-    bands_table.done()
-    table.done()
+    rank_by, horizons_s, bands_hz = _score(top.table("score"), settings)
 
     table = top.table("expect")
     expect = tuple(_expectation(key, value, table.place, names, methods) for key, value in table.values.items())
@@ -253,14 +186,20 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     scenario = Scenario(
         name=name, seed=seed, description=description, plant=plant, noise=levels if (on and levels) else on,
         inject=inject, excitation=excitation, settings=settings, methods=methods, estimation_runs=estimation_runs,
-        validation_runs=validation_runs, discard_s=discard_s, rank_by=rank_by, bands_hz=bands,
-        horizons_s=tuple(map(float, horizons_s)), expect=expect, source=source,
+        validation_runs=validation_runs, discard_s=discard_s, rank_by=rank_by, bands_hz=bands_hz, horizons_s=horizons_s,
+        expect=expect, source=source, file=file,
     )  # fmt: skip
-    with _placed(f"{file}: excitation"):
+    with placed(f"{file}: excitation"):
         signal = scenario.design(seed)
     check_limits(scenario, signal, f"{file}: excitation")
-    if discard_s >= signal.duration_s:
-        raise ExciteError(f"{file}: data.discard_s: {discard_s:g} s discards the whole record of {signal.duration_s:g} s")
+    left_s = signal.duration_s - discard_s
+    if left_s <= 0:
+        raise ExciteError(
+            f"{file}: data.discard_s: {discard_s:g} s discards the whole record of {signal.duration_s:g} s; discard less"
+        )
+    for i, horizon in enumerate(horizons_s):
+        if horizon >= left_s:
+            raise ExciteError(f"{file}: score.horizons_s[{i}]: {horizon:g} s is beyond the {left_s:g} s of data; shorten it")
     return scenario
 
 
@@ -277,17 +216,7 @@ def check_limits(scenario: Scenario, signal: Signal, place: str) -> None:
             )
 
 
-def _list(names: object) -> str:
-    return ", ".join(map(str, names))
-
-
-def _distinct(names: list[str], place: str, key: str) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise ExciteError(f"{place}: {key} '{name}' is given twice; each needs its own")
-
-
-def _excitation(table: _Table) -> dict[str, Any]:
+def _excitation(table: TomlTable) -> dict[str, Any]:
     kind = table.take("kind", str)
     if kind not in GENERATORS:
         raise ExciteError(f"{table.place}kind: '{kind}'; {did_you_mean(kind, GENERATORS)}")
@@ -298,14 +227,14 @@ def _excitation(table: _Table) -> dict[str, Any]:
     return {"kind": kind, **table.values}
 
 
-def _setting(table: _Table, plant: Plant) -> SettingSpec:
+def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
     name = table.take("name", str, check=_file_name)
-    given = {key: table.take(key, list, None) for key in ("inputs", "outputs", "reference")}
+    given = {key: tuple(table.items(key, str, [])) for key in ("inputs", "outputs", "reference")}
     decimate = table.take("decimate", (int, str), "auto")
     if (isinstance(decimate, str) and decimate != "auto") or (isinstance(decimate, int) and decimate < 1):
         raise ExciteError(f'{table.place}decimate: {decimate!r}; give a whole number of at least 1, or "auto"')
     table.done()
-    if given["inputs"] is None and given["outputs"] is None:
+    if not any(given.values()):
         if name not in plant.settings:
             raise ExciteError(
                 f"{table.place}name: '{name}' is no setting of plant {plant.name}; "
@@ -315,50 +244,96 @@ def _setting(table: _Table, plant: Plant) -> SettingSpec:
     for key in ("inputs", "outputs"):
         if not given[key]:
             raise ExciteError(f"{table.place}{key}: missing; a setting with its own roles needs inputs and outputs")
-    roles = Roles(*(tuple(given[key] or ()) for key in ("inputs", "outputs", "reference")))
-    return SettingSpec(name, roles, False, decimate)
+    for channel in given["outputs"]:
+        if channel in given["inputs"]:
+            raise ExciteError(f"{table.place}outputs: '{channel}' is an input too; drop it from one of the two")
+    if decimate == "auto":
+        raise ExciteError(
+            f"{table.place}decimate: missing; a setting with its own roles has no truth whose poles could choose it"
+        )
+    # What enters the plant from outside is free of feedback; everything else in a closed loop depends on the outputs.
+    outside = {c.name for c in plant.injections[inject].channels}
+    closed = any(roles.closed for roles in plant.settings.values()) and not outside.issuperset(given["inputs"])
+    return SettingSpec(name, Roles(**given, closed=closed), False, decimate)
 
 
-def _methods(table: _Table, settings: list[str]) -> list[MethodSpec]:
+def _methods(table: TomlTable, settings: list[str]) -> list[MethodSpec]:
     name = table.take("name", str)
-    order, orders = table.take("order", int, None, _at_least(1)), table.take("orders", list, None)
-    if (order is None) == (orders is None):
-        raise ExciteError(f"{table.place}order: give either order or orders")
-    orders = [order] if orders is None else orders
-    if not orders or not all(isinstance(n, int) and not isinstance(n, bool) and n >= 1 for n in orders):
-        raise ExciteError(f"{table.place}orders: {orders!r}; give whole numbers of at least 1")
+    with placed(f"{table.place}name"):
+        method_class(name)
+    order = table.take("order", int, None, at_least(1))
+    orders = table.items("orders", int, [], at_least(1))
+    if (order is None) == (not orders):
+        raise ExciteError(f"{table.place}order: give either order, a whole number, or orders, a list of them")
     options = table.take("settings", dict, {})
     chosen = table.take("setting", (str, list), settings)
     table.done()
     chosen = [chosen] if isinstance(chosen, str) else chosen
-    for setting in chosen:
+    for setting in chosen or [""]:
         if setting not in settings:
             raise ExciteError(f"{table.place}setting: {setting!r} is not defined; {did_you_mean(str(setting), settings)}")
-    with _placed(f"{table.place}settings"):
+    with placed(f"{table.place}settings"):
         load_method(name, **options)
-    return [MethodSpec(name, setting, tuple(orders), options) for setting in chosen]
+    return [MethodSpec(name, setting, tuple(orders or [order]), options, table.place.rstrip(".")) for setting in chosen]
+
+
+def _score(table: TomlTable, settings: tuple[SettingSpec, ...]) -> tuple[tuple, tuple, dict]:
+    """Return rank_by, horizons_s and bands_hz by setting."""
+    rank_by = tuple(table.items("rank_by", str, ["pole_error_max", "frf_error_h2"]))
+    without_truth = [s.name for s in settings if not s.plants_own]
+    for i, metric in enumerate(rank_by):
+        place = f"{table.place}rank_by[{i}]: '{metric}'"
+        if metric not in METRICS:
+            raise ExciteError(f"{place} is no metric; {did_you_mean(metric, METRICS)}")
+        if without_truth and (not metric.startswith(("fit", "vaf")) or metric == "fit_below_floor"):
+            raise ExciteError(
+                f"{place} needs a truth, and setting '{without_truth[0]}', with roles of its own, has none; "
+                'rank by "fit_one_step" or "fit_simulation"'
+            )
+    horizons_s = table.items("horizons_s", NUMBER, [], lambda h: None if h > 0 else "give positive seconds")
+    bands, bands_hz = table.table("bands_hz"), {}
+    for setting in settings:
+        band = bands.take(setting.name, list, None)
+        if band is None:
+            continue
+        if len(band) != 2 or not all(is_a(f, NUMBER) for f in band) or not 0 < band[0] < band[1]:
+            raise ExciteError(f"{bands.place}{setting.name}: {band!r}; give [low, high] with 0 < low < high")
+        bands_hz[setting.name] = (float(band[0]), float(band[1]))
+    bands.done()
+    table.done()
+    return rank_by, tuple(map(float, horizons_s)), bands_hz
+
+
+def _refuse_twins(methods: tuple[MethodSpec, ...]) -> None:
+    """Refuse a method that stands twice in a setting at one order: its results would have one name."""
+    seen = set()
+    for m in methods:
+        for n in m.orders:
+            if (m.name, m.setting, n) in seen:
+                raise ExciteError(
+                    f"{m.place}: {m.name} of order {n} stands in setting '{m.setting}' twice; "
+                    "compare its settings in two scenarios"
+                )
+            seen.add((m.name, m.setting, n))
 
 
 def _expectation(key: str, value: Any, place: str, settings: list[str], methods: tuple[MethodSpec, ...]) -> Expectation:
-    match = re.fullmatch(r"\s*(<=|>=|<|>)\s*([-+0-9.eE]+)\s*", value) if isinstance(value, str) else None
+    place = f'{place}"{key}"'
+    match = BOUND.fullmatch(value) if isinstance(value, str) else None
     if match is None:
-        raise ExciteError(f'{place}{key}: {value!r}; give a comparison such as "<= 0.02"')
+        raise ExciteError(f'{place}: {value!r}; give a comparison such as "<= 0.02"')
     parts = key.split(".")
     if len(parts) not in (3, 4):
-        raise ExciteError(f'{place}"{key}": give "method.metric.statistic" or "setting.method.metric.statistic"')
-    setting = parts[0] if len(parts) == 4 else None
+        raise ExciteError(f'{place}: give "method.metric.statistic" or "setting.method.metric.statistic"')
+    if len(parts) == 3 and len(settings) > 1:
+        raise ExciteError(f"{place}: there are {len(settings)} settings; put one first: {', '.join(settings)}")
+    setting = parts[0] if len(parts) == 4 else settings[0]
     method, metric, statistic = parts[-3:]
-    checks = [(method, [m.name for m in methods] + ["best"]), (metric, METRICS), (statistic, STATISTICS)]
-    for part, known in checks + ([(setting, settings)] if setting is not None else []):
+    here = [m.name for m in methods if m.setting == setting] + ["best"]
+    for part, known in ((setting, settings), (method, here), (metric, METRICS), (statistic, STATISTICS)):
         if part not in known:
-            raise ExciteError(f'{place}"{key}": {part!r} is not known here; {did_you_mean(part, known)}')
-    if setting is None and len(settings) > 1:
-        raise ExciteError(f'{place}"{key}": there are {len(settings)} settings; put one first: {_list(settings)}')
-    try:
-        bound = float(match[2])
-    except ValueError:
-        raise ExciteError(f"{place}{key}: {match[2]!r} is not a number") from None
-    return Expectation(key, setting or settings[0], method, metric, statistic, match[1], bound)
+            raise ExciteError(f"{place}: '{part}' is not known here; {did_you_mean(part, known)}")
+    return Expectation(key, setting, method, metric, statistic, match[1], float(match[2]))
 
 
 def statistics(values: list[float]) -> dict[str, float]:

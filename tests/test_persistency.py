@@ -1,14 +1,17 @@
 """Compressed Hankel data against explicit matrices, and the order of persistency against theory."""
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from excite.errors import ExciteError
+from excite.exact_order import line_vectors, order_of_lines, order_of_recurrence
 from excite.generators.prbs import prbs
 from excite.hankel import columns_of, hankel_factor, hankel_gram
-from excite.persistency import certify
+from excite.persistency import certify, verdict
 from excite.types.experiment import Experiment
 from excite.types.signal import Signal
 
@@ -125,3 +128,150 @@ def test_certificates_ask_for_a_longer_record_instead_of_guessing():
 def test_what_cannot_be_certified_is_refused(data, rows, message):
     with pytest.raises(ExciteError, match=message):
         certify(data, block_rows=rows)
+
+
+def explicit_order(segments, most):
+    """Largest s with s block rows of full row rank, by the definition and NumPy's rank of explicit matrices."""
+    order = 0
+    for s in range(1, most + 1):
+        if columns_of(segments, s) < s * segments[0].shape[1]:
+            break
+        H = explicit(segments, s)
+        if np.linalg.matrix_rank(H, tol=1e-9 * np.linalg.norm(H, 2)) < len(H):
+            break
+        order = s
+    return order
+
+
+def random_periodic(rng, M, nu, structure):
+    """One period of nu channels whose lines are random, shared, interleaved, delayed copies, or dependent."""
+    support = rng.random((M // 2 + 1, 1)) < rng.uniform(0.2, 0.9)
+    lines = rng.standard_normal((M // 2 + 1, nu)) + 1j * rng.standard_normal((M // 2 + 1, nu))
+    if structure == "interleaved":
+        support = support & (rng.integers(0, nu, (M // 2 + 1, 1)) == np.arange(nu))
+    elif structure == "delayed":
+        delays = rng.integers(0, 4, nu)
+        lines = lines[:, :1] * np.exp(2j * np.pi * np.arange(M // 2 + 1)[:, None] * delays / M)
+    elif structure == "dependent":
+        lines = lines[:, :1] * rng.standard_normal((1, nu))
+    elif structure == "own":
+        support = rng.random((M // 2 + 1, nu)) < 0.6
+    return np.fft.irfft(lines * support, M, axis=0)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    seed=st.integers(0, 10**6), M=st.integers(6, 24), nu=st.integers(1, 3),
+    structure=st.sampled_from(["shared", "interleaved", "delayed", "dependent", "own"]),
+)  # fmt: skip
+def test_orders_equal_explicit_ranks(seed, M, nu, structure):
+    """The smallest Kronecker index of the DFT vectors, the record's certificate and the rank of H agree."""
+    rng = np.random.default_rng(seed)
+    period = random_periodic(rng, M, nu, structure)
+    u = np.tile(period, (5 * nu, 1))
+    truth = explicit_order([u], M)
+    found = order_of_lines(line_vectors(period), M, M)
+    assert found.exact and found.order == truth
+    certificate = certify(Signal(u, 1.0, period=M), block_rows=M)
+    assert certificate.order == certificate.line_order == truth
+    assert certificate.lines == (np.abs(np.fft.fft(period, axis=0)).max(1) > 1e-9).sum()
+    assert truth <= certificate.lines // nu
+    assert certify(Signal(u, 1.0), block_rows=M).order == truth
+
+
+def test_interleaved_lines_bear_only_on_their_own_channel():
+    """Twelve lines a channel within 4 % of the band: order 24, out of reach of any factorisation of the 24-row matrix."""
+    M, phases = 2000, np.random.default_rng(0).random((2, 12))
+    t = np.arange(2 * M)[:, None]
+    u = np.stack([np.cos(2 * np.pi * (np.arange(1 + c, 25, 2) * t / M + phases[c])).sum(1) for c in range(2)], axis=1)
+    for certificate in (certify(Signal(u, 0.01, period=M), block_rows=30), certify(Signal(u, 0.01), block_rows=30)):
+        assert certificate.order == 24 and not certificate.warnings
+
+
+@pytest.mark.parametrize("period", [None, 1000])
+@pytest.mark.parametrize("N", [2000, 20_000])
+def test_ten_close_sines_have_order_twenty(N, period):
+    t = np.arange(N)
+    u = sum(np.sin(2 * np.pi * f * t + k) for k, f in enumerate(0.001 * np.arange(1, 11)))
+    certificate = certify(Signal(u, 1.0, period=period), block_rows=30)
+    assert certificate.order == 20 and not certificate.warnings
+    assert certificate.order_above_floor < 10  # what double precision can use, reported beside
+
+
+@pytest.mark.parametrize("low", [1e-3, 3e-4])
+def test_eight_logarithmic_lines_have_order_sixteen(low):
+    t = np.arange(20_000)
+    u = sum(np.sin(2 * np.pi * f * t + k) for k, f in enumerate(np.geomspace(low, 0.4, 8)))
+    certificate = certify(Signal(u, 1.0), block_rows=40)
+    assert certificate.order == 16 and not certificate.reached and not certificate.warnings
+
+
+def test_sines_too_close_for_their_length_are_left_undecided():
+    t = np.arange(300)
+    u = sum(np.sin(2 * np.pi * f * t + k) for k, f in enumerate(0.001 * np.arange(1, 11)))
+    certificate = certify(Signal(u, 1.0), block_rows=30)
+    assert certificate.order < 20 and "cannot be decided in double precision" in certificate.warnings[-1]
+
+
+def test_low_passed_noise_is_exciting_of_every_order_however_small_the_margin():
+    u = np.convolve(np.random.default_rng(5).standard_normal(20_000), np.exp(-0.5 * np.arange(-200, 201) ** 2 / 20**2))
+    certificate = certify(Signal(u, 1.0), block_rows=25)
+    assert certificate.order == 25 and certificate.margin < 1e-9 and certificate.order_above_floor < 25
+
+
+def test_a_constant_with_little_noise_has_order_one_above_the_floor():
+    u = 1 + 1e-4 * np.random.default_rng(0).standard_normal(5000)
+    certificate = certify(Signal(u, 1.0), block_rows=20, noise_floor=1e-3)
+    assert (certificate.order, certificate.order_above_floor) == (20, 1)
+    assert certificate.margin_over_floor == pytest.approx(0.1, rel=0.1) and certificate.floor_source == "given"
+    assert certify(Signal(u, 1.0), block_rows=20, noise_floor=1e-5).order_above_floor == 20
+
+
+def test_the_floor_is_estimated_from_repeated_periods():
+    rng = np.random.default_rng(1)
+    t = np.arange(4000)
+    clean = np.cos(2 * np.pi * 0.05 * t) + np.cos(2 * np.pi * 0.21 * t)
+    noisy = Experiment(clean + 0.01 * rng.standard_normal(4000), t, dt=1.0, period=100)
+    certificate = certify(noisy, block_rows=20)
+    assert certificate.noise_floor[0] == pytest.approx(0.01, rel=0.05) and certificate.floor_source == "periods"
+    assert certificate.order == 20 and certificate.line_order == 4 and certificate.order_above_floor < 20
+    assert certify(Signal(clean, 1.0, period=100), block_rows=20).floor_source == "rounding"
+
+
+def test_several_records_with_common_and_own_sines():
+    t = np.arange(3000)
+    records = [np.sin(2 * np.pi * f * t)[:, None] + np.sin(2 * np.pi * 0.002 * t)[:, None] for f in (0.003, 0.0045, 0.006)]
+    assert order_of_recurrence(records, 20).order == 8
+    joined = certify([Experiment(u, t, dt=1.0) for u in records], block_rows=20)
+    assert joined.order == 8 and certify(Experiment(records[0], t, dt=1.0), block_rows=20).order == 4
+
+
+def test_verdicts_refuse_what_is_necessary_and_warn_of_what_would_suffice():
+    signal = prbs(order=7, dt=0.1, periods=5)
+    signal = Signal(signal.u - signal.u[:127].mean(), 0.1, period=127)  # no line at zero: order 126
+    fir = verdict(signal, "fir of length 200", 200)
+    assert str(fir) == "enough for fir of length 200: no, order 126 < 200" and not fir.ok
+    moesp = verdict(signal, "po_moesp with 20 block rows and order 6", 20, 46)
+    assert moesp.status == "yes" and moesp.text.startswith("enough for po_moesp with 20 block rows and order 6: yes, margin 0.9")
+    warned = verdict(signal, "a method", 100, 150)
+    assert warned.ok and "order 150 would suffice, the input has order 126" in warned.text
+    unknown = verdict(certify(signal, block_rows=20), "fir", 50)
+    assert unknown.status == "not known" and "certify with block_rows = 50" in unknown.text
+    faint = verdict(Signal(1 + 1e-4 * np.random.default_rng(0).standard_normal(999), 1.0), "fir", 5, noise_floor=1e-3)
+    assert faint.ok and "only order 1 stands above the noise floor (given)" in faint.text
+
+
+def test_a_million_samples_of_order_two_hundred_cost_a_fraction_of_an_explicit_factorisation():
+    u = np.random.default_rng(7).standard_normal((200_000, 1))
+    begin = time.process_time()
+    factor = hankel_factor([u], 100)
+    structured = time.process_time() - begin
+    begin = time.process_time()
+    np.linalg.qr(explicit([u], 100).T, mode="r")
+    assert factor.path == "gram-cholesky" and structured < 0.5 * (time.process_time() - begin)
+
+
+@pytest.mark.parametrize("floor", [-1.0, np.nan, [1.0, 2.0]])
+def test_bad_floors_are_refused(floor):
+    with pytest.raises(ExciteError, match="noise_floor"):
+        certify(Signal([1.0, -1, 2, 4], 1.0), block_rows=1, noise_floor=floor)

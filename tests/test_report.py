@@ -184,7 +184,7 @@ def test_poles_of_the_truth_with_frequency_and_damping():
     frequency, damping = headers.index("frequency [Hz]"), headers.index("damping [–]")
     np.testing.assert_allclose([float(r[frequency]) for r in rows], np.array([1, 12]) / (2 * np.pi), rtol=5e-3)
     assert [float(r[damping]) for r in rows] == [0.2, 0.1]
-    assert [float(r[-1]) < 20 for r in rows]
+    assert all(float(r[-1]) < 20 for r in rows)
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,17 @@
 """Data files: one table of formats; the extension chooses, `export` may name one."""
 
 import os
+import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from excite.errors import ExciteError, did_you_mean
-from excite.files import mat, npz, text
-from excite.files.own import damaged, to_loop, to_recording, to_table
+from excite.errors import ExciteError, did_you_mean, placed
+from excite.files import autopilot, awg, c_header, crazyflie, hdf5, mat, npz, text, wav
+from excite.files.own import damaged, plain, to_loop, to_recording, to_table
 from excite.files.roles import Columns, channels, choose, require, sampling
 from excite.files.table import Table
+from excite.persistency import certify
 from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal
@@ -17,11 +19,18 @@ from excite.types.signal import Signal
 
 @dataclass(frozen=True)
 class Format:
-    """One file format: its extensions, how it is read, and how it is written where it can be."""
+    """One file format: its extensions, how it is read and written where it can be, and what it makes of a signal.
+
+    Where formats share an extension, the first in the table answers for it.
+    quantise : for formats that play a signal on hardware, the signal that will really be played; the certificate is
+    that signal's. one_channel : the file holds a single channel, so that several channels make several files.
+    """
 
     extensions: tuple[str, ...]
-    read: Callable[[Path], Table]
+    read: Callable[[Path], Table] | None
     write: Callable[[Table, Path], None] | None = None
+    quantise: Callable[[Signal], Signal] | None = None
+    one_channel: bool = False
 
 
 FORMATS: dict[str, Format] = {
@@ -29,6 +38,19 @@ FORMATS: dict[str, Format] = {
     "columns": Format((".dat", ".txt"), text.read),
     "npz": Format((".npz",), npz.read, npz.write),
     "mat": Format((".mat",), mat.read, mat.write),
+    "hdf5": Format((".h5", ".hdf5", ".mat"), hdf5.read, hdf5.write),
+    "wav": Format((".wav",), wav.read, wav.write, wav.quantise),
+    "c_header": Format((".h",), c_header.read, c_header.write, c_header.quantise),
+    "keysight": Format((".arb",), awg.read_arb, awg.write_keysight, awg.quantise_keysight, one_channel=True),
+    "rigol": Format((".arb",), awg.RIGOL.read, awg.RIGOL.write, awg.RIGOL.quantise, one_channel=True),
+    "rigol_raf": Format((".raf",), awg.RIGOL_RAF.read, awg.RIGOL_RAF.write, awg.RIGOL_RAF.quantise, one_channel=True),
+    "siglent": Format((".bin",), awg.SIGLENT.read, awg.SIGLENT.write, awg.SIGLENT.quantise, one_channel=True),
+    "crazyflie": Format((".csv",), text.read, crazyflie.write_table, crazyflie.setpoints),
+    "crazyflie_player": Format((".py",), None, crazyflie.write_player, crazyflie.setpoints),
+    "ardupilot": Format(
+        (".parm", ".param"), autopilot.ARDUPILOT.read, autopilot.ARDUPILOT.write, autopilot.ARDUPILOT.quantise
+    ),
+    "px4": Format((".params",), autopilot.PX4.read, autopilot.PX4.write, autopilot.PX4.quantise),
 }
 
 __all__ = [
@@ -39,7 +61,10 @@ __all__ = [
 
 def read_table(path: str | os.PathLike) -> Table:
     """Return the columns of a file of any known format, before roles are chosen."""
-    return _by_extension(path).read(Path(path))
+    given = _by_extension(path)
+    if given.read is None:
+        raise ExciteError(f"{path}: this format is only written; load the signal it was made from")
+    return given.read(Path(path))
 
 
 def load_experiment(
@@ -109,40 +134,83 @@ def load_recording(path: str | os.PathLike) -> Recording:
 
 def save_signal(signal: Signal, path: str | os.PathLike, certificate: Mapping | None = None) -> None:
     """Write a signal, its recipe and its certificate; the extension chooses the format."""
-    _writable(path)(to_table(signal, certificate), Path(path))
+    _write(signal, _writable(path), Path(path), certificate)
 
 
 def save_experiment(experiment: Experiment, path: str | os.PathLike) -> None:
     """Write an experiment with its roles, units, period and loop; the extension chooses the format."""
-    _writable(path)(to_table(experiment), Path(path))
+    _write(experiment, _writable(path), Path(path))
 
 
 def save_recording(recording: Recording, path: str | os.PathLike) -> None:
     """Write everything a recording holds; the extension chooses the format, .npz the natural one."""
-    _writable(path)(to_table(recording), Path(path))
+    _write(recording, _writable(path), Path(path))
 
 
 def export(
     data: Signal | Experiment | Recording, fmt: str, path: str | os.PathLike, certificate: Mapping | None = None
-) -> None:
-    """Write `data` in a named format, whatever the extension of `path`."""
+) -> tuple[Path, ...]:
+    """Write `data` in a named format, whatever the extension of `path`; return the files written, sidecars apart.
+
+    A signal's file holds its certificate: the given one, else it is computed here (20 block rows); and always computed
+    for formats that play it on hardware, from the quantised samples that will really be played. A format of one channel
+    a file writes several channels to several files, called after them: ``out_roll.arb``, ``out_pitch.arb``, each with its
+    own certificate and the one of all channels together.
+    """
     known = {name for name, given in FORMATS.items() if given.write}
     if fmt not in known:
         raise ExciteError(f"export: format '{fmt}'; {did_you_mean(str(fmt), known)}")
-    FORMATS[fmt].write(to_table(data, certificate), Path(path))
+    if isinstance(data, Signal) and certificate is None and FORMATS[fmt].quantise is None:
+        certificate = certify(data).to_dict()
+    return _write(data, FORMATS[fmt], Path(path), certificate)
+
+
+def _write(
+    data: Signal | Experiment | Recording, given: Format, path: Path, certificate: Mapping | None = None
+) -> tuple[Path, ...]:
+    """Write one or, where a file holds one channel, several files; return their paths."""
+    if given.quantise is None:
+        given.write(to_table(data, certificate), path)
+        return (path,)
+    if not isinstance(data, Signal):
+        raise ExciteError(
+            f"{path}: this format plays a signal, not {type(data).__name__.lower()}s; load it as a signal first"
+        )
+    with placed(str(path)):
+        played = given.quantise(data)
+    block_rows = (certificate or {}).get("block_rows", 20)
+    certificate = certify(played, block_rows).to_dict()
+    if not given.one_channel or len(played.channels) == 1:
+        given.write(to_table(played, certificate), path)
+        return (path,)
+    paths = _channel_paths(path, played)
+    together = {"together": {"files": [file.name for file in paths], "certificate": certificate}}
+    for i, file in enumerate(paths):
+        part = replace(played, u=played.u[:, [i]], channels=(played.channels[i],))
+        table = to_table(part, certify(part, block_rows).to_dict())
+        given.write(replace(table, meta=plain(table.meta | together, "meta")), file)
+    return paths
+
+
+def _channel_paths(path: Path, signal: Signal) -> tuple[Path, ...]:
+    """Return one path a channel: its name in plain letters behind the stem, or its number where names would collide."""
+    names = [re.sub(r"[^A-Za-z0-9]+", "_", channel.name).strip("_")[:40] for channel in signal.channels]
+    if len({name.lower() for name in names} - {""}) < len(names):
+        names = [str(i + 1) for i in range(len(names))]
+    return tuple(path.with_name(f"{path.stem}_{name}{path.suffix}") for name in names)
 
 
 def _by_extension(path: str | os.PathLike) -> Format:
     extension = Path(path).suffix.lower()
-    known = {e: given for given in FORMATS.values() for e in given.extensions}
+    known = {e: given for given in reversed(FORMATS.values()) for e in given.extensions}
     if extension not in known:
         raise ExciteError(f"{path}: extension '{extension}' is not known; known: {', '.join(sorted(known))}")
     return known[extension]
 
 
-def _writable(path: str | os.PathLike) -> Callable[[Table, Path], None]:
+def _writable(path: str | os.PathLike) -> Format:
     given = _by_extension(path)
     if given.write is None:
-        ways = ", ".join(e for other in FORMATS.values() if other.write for e in other.extensions)
+        ways = ", ".join(dict.fromkeys(e for other in FORMATS.values() if other.write for e in other.extensions))
         raise ExciteError(f"{path}: this format is only read; write one of {ways}")
-    return given.write
+    return given

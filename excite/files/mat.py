@@ -1,4 +1,4 @@
-"""MATLAB files, version 5: plain numeric arrays only, never objects."""
+"""MATLAB files, written in version 5: plain numeric arrays only, never objects."""
 
 import json
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 import scipy.io
 
 from excite.errors import ExciteError
+from excite.files import hdf5
 from excite.files.atomic import MAX_BYTES, readable, written
 from excite.files.npz import GROUPS, restored
 from excite.files.table import Table, from_arrays
@@ -37,11 +38,11 @@ def write(table: Table, path: Path) -> None:
         try:
             scipy.io.savemat(stream, arrays, do_compression=True)
         except scipy.io.matlab.MatWriteError as error:
-            raise ExciteError(f"{path}: too large for MAT version 5 ({error}); write .npz") from error
+            raise ExciteError(f"{path}: too large for MAT version 5 ({error}); write .npz or .h5") from error
 
 
 def read(path: Path) -> Table:
-    """Return the table in a .mat file of version 4 or 5: an own one exactly, a foreign one's numeric arrays by name."""
+    """Return the table in a .mat file of version 4, 5 or 7.3: an own one exactly, a foreign one's numeric arrays by name."""
     try:
         kinds = scipy.io.whosmat(readable(path), appendmat=False)
         wanted = [name for name, _, kind in kinds if kind in NUMERIC or (name in OWN and kind == "char")]
@@ -49,8 +50,8 @@ def read(path: Path) -> Table:
         if size > MAX_BYTES:
             raise ExciteError(f"{path}: its arrays take {size} bytes, more than {MAX_BYTES}; split the file")
         loaded = scipy.io.loadmat(path, appendmat=False, variable_names=wanted) if wanted else {}
-    except NotImplementedError as error:
-        raise ExciteError(f"{path}: is a MAT file of version 7.3; save it in MATLAB with save(..., '-v7')") from error
+    except NotImplementedError:  # version 7.3 is HDF5
+        return hdf5.read(path)
     except ExciteError:
         raise
     except Exception as error:  # the parser of this binary format raises almost anything on damaged bytes

@@ -71,7 +71,7 @@ def damaged(place: str) -> Iterator[None]:
     """Turn what an own file's unexpected meta raises into an error that names the file."""
     try:
         yield
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise ExciteError(f"{place}: its description is damaged ({reason}); write it again") from error
     except ExciteError as error:

@@ -2,8 +2,6 @@
 
 import codecs
 import csv
-import hashlib
-import json
 import re
 from collections.abc import Iterator
 from itertools import islice
@@ -12,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.files.atomic import readable, written
+from excite.files.atomic import readable
+from excite.files.sidecar import read_sidecar, written_with_sidecar
 from excite.files.table import Table
 
 BOMS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
@@ -21,26 +20,19 @@ BARE_HEADER = re.compile(r'"[^"]*"|[^\s\[]+(?:\s*\[[^\]]*\])?')
 ROWS_AT_ONCE = 100_000
 
 
-def sidecar(path: Path) -> Path:
-    """Return the path of the JSON file that rides along with a CSV file: its name with .json appended."""
-    return path.with_name(path.name + ".json")
-
-
 def write(table: Table, path: Path) -> None:
     """Write CSV (comma, point, UTF-8, shortest text that reads back bit for bit) and its JSON sidecar.
 
     The sidecar holds the table's meta, the column headers and the SHA-256 of the CSV file.
     """
-    with written(path) as temporary:
-        with open(temporary, "w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(table.names)
-            for start in range(0, len(table.values), ROWS_AT_ONCE):
-                writer.writerows(table.values[start : start + ROWS_AT_ONCE].tolist())
-        digest = hashlib.sha256(temporary.read_bytes()).hexdigest()
-    record = {"file": path.name, "sha256": digest, "columns": list(table.names), **table.meta}
-    with written(sidecar(path)) as temporary:
-        temporary.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with (
+        written_with_sidecar(path, table) as temporary,
+        open(temporary, "w", encoding="utf-8", newline="") as stream,
+    ):
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(table.names)
+        for start in range(0, len(table.values), ROWS_AT_ONCE):
+            writer.writerows(table.values[start : start + ROWS_AT_ONCE].tolist())
 
 
 def read(path: Path) -> Table:
@@ -73,18 +65,8 @@ def read(path: Path) -> Table:
     if names is not None and len(names) != values.shape[1]:
         counts = f"the header names {len(names)} columns, the data rows have {values.shape[1]}"
         raise ExciteError(f"{path}: {counts}; make them agree")
-    return Table(tuple(names or [""] * values.shape[1]), values, str(path), _meta(path, raw))
-
-
-def _meta(path: Path, raw: bytes) -> dict:
-    """Return what a sidecar says about exactly these bytes, else nothing."""
-    try:
-        record = json.loads(sidecar(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    if not isinstance(record, dict) or record.get("sha256") != hashlib.sha256(raw).hexdigest():
-        return {}
-    return {key: value for key, value in record.items() if key not in ("file", "sha256", "columns")}
+    meta = {key: value for key, value in read_sidecar(path, raw).items() if key != "columns"}
+    return Table(tuple(names or [""] * values.shape[1]), values, str(path), meta)
 
 
 def _decode(raw: bytes, path: Path) -> str:

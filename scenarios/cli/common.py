@@ -1,6 +1,7 @@
 """What several commands share: options for data files, printing JSON, progress."""
 
 import json
+import os
 import sys
 import tomllib
 from collections.abc import Callable
@@ -23,7 +24,7 @@ DATA_OPTIONS = (
     click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column."),
     click.option("--time", metavar="COLUMN", help="Time column, in seconds."),
     click.option("--setting", metavar="NAME", help="Which setting of one of our own recordings."),
-    click.option("--decimate", type=click.IntRange(1), default=1, help="Keep each N-th sample (no filter)."),
+    click.option("--decimate", type=click.IntRange(1), default=1, show_default=True, help="Keep each N-th sample (no filter)."),
 )
 
 
@@ -74,7 +75,7 @@ def assignments(pairs: tuple[str, ...], option: str) -> dict[str, Any]:
     values = {}
     for pair in pairs:
         key, equals, text = pair.partition("=")
-        if not equals or not key.strip():
+        if not equals or not key.strip() or not text.strip():
             raise ExciteError(f"{option} {pair}: give key=value, for example block_rows=20")
         values[key.strip()] = toml_value(text.strip())
     return values
@@ -108,11 +109,27 @@ class ProgressLine:
         self.stage = stage
 
 
-def existing_parent(path: str) -> Path:
-    """Return an output path whose folder exists, before any work is done for it."""
+def new_file(path: str, *sources: str) -> Path:
+    """Return an output file's path, checked before any work is done for it: a folder to write in, none of the sources."""
     target = Path(path)
-    if target.is_dir():
-        raise ExciteError(f"{path}: is a folder; name a file in it with -o")
+    if not path or target.is_dir():
+        raise ExciteError(f"-o '{path}': is a folder; name a file in it")
     if not target.parent.is_dir():
-        raise ExciteError(f"{path}: there is no folder {target.parent}; create it first")
+        raise ExciteError(f"-o {path}: there is no folder {target.parent}; create it first")
+    if not os.access(target.parent, os.W_OK):
+        raise ExciteError(f"-o {path}: the folder {target.parent} cannot be written; choose another")
+    for source in sources:
+        if target.exists() and Path(source).exists() and target.samefile(source):
+            raise ExciteError(f"-o {path}: would overwrite what is read; choose another name")
+    return target
+
+
+def new_folder(path: str) -> Path:
+    """Return an output folder's path, checked before any work is done for it."""
+    target = Path(path)
+    there = next(p for p in (target, *target.absolute().parents) if p.exists())
+    if not path or not there.is_dir():
+        raise ExciteError(f"-o '{path}': is no folder; name one that is there or can be made")
+    if not os.access(there, os.W_OK):
+        raise ExciteError(f"-o {path}: the folder {there} cannot be written; choose another")
     return target

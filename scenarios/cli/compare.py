@@ -1,19 +1,21 @@
 """excite compare."""
 
-from pathlib import Path
-
 import click
+import numpy as np
 
-from excite.errors import ExciteError
+from excite.errors import ExciteError, placed
 from scenarios.cli.common import (
     ProgressLine,
     assignments,
     data_options,
     json_option,
+    new_folder,
     print_json,
     print_lines,
     read_experiment,
 )
+
+MOST_ORDERS = 1000
 
 
 @click.command()
@@ -33,7 +35,6 @@ def compare(
     from identify.method import load_method, method_class
     from identify.model_json import estimate_to_dict
     from identify.score import score
-    from scenarios.report.tables import to_text
     from scenarios.store import write_json
 
     names, wanted, options = [m.strip() for m in methods.split(",")], parse_orders(orders), assignments(settings, "--set")
@@ -45,45 +46,57 @@ def compare(
         name: load_method(name, **{k: v for k, v in options.items() if k in kind.__dataclass_fields__})
         for name, kind in kinds.items()
     }
+    target = new_folder(folder)
     data = [read_experiment(path, **reading) for path in file]
-    if validation:
-        judged = read_experiment(validation, **reading)
+    if validation is not None:
+        label, judged = validation, read_experiment(validation, **reading)
+    elif len(data[-1]) < 3:
+        raise ExciteError(f"{file[-1]}: {len(data[-1])} samples leave none to validate on; give --validation")
     else:
         cut = 2 * len(data[-1]) // 3
-        data[-1], judged = data[-1].window(0, cut), data[-1].window(cut)
-    target = _folder(folder)
-    progress, rows, factors = ProgressLine(), [], {}
+        label, data[-1], judged = f"last third of {file[-1]}", data[-1].window(0, cut), data[-1].window(cut)
+    progress, rows, factors, models = ProgressLine(), [], {}, {}
     pairs = [(name, n) for name in chosen for n in wanted]
     for i, (name, n) in enumerate(pairs):
         method = chosen[name]
         row = {"method": name, "order": n, "values": {}, "reason": None}
         try:
-            method.check(tuple(data), n)
-            if method.factor_key() not in factors:
-                factors[method.factor_key()] = method.prepare(tuple(data))
-            estimate = method.fit(tuple(data), n, factors[method.factor_key()])
-            result = score(estimate, judged)
+            with placed(", ".join(file)):
+                method.check(tuple(data), n)
+                if method.factor_key() not in factors:
+                    factors[method.factor_key()] = method.prepare(tuple(data))
+                estimate = method.fit(tuple(data), n, factors[method.factor_key()])
+            with placed(label):
+                result = score(estimate, judged)
             row["values"] = result.values
-            write_json(target / f"{name}-n{n}.json", estimate_to_dict(estimate, result.per_output))
+            models[f"{name}-n{n}.json"] = estimate_to_dict(estimate, result.per_output)
         except ExciteError as error:
             row["reason"] = str(error)
         rows.append(row)
         progress("identifying", i + 1, len(pairs))
-    rows.sort(key=lambda row: -row["values"].get("fit_simulation_unclipped", float("-inf")))
-    label = validation or f"last third of {file[-1]}"
+    rows.sort(key=lambda row: -np.nan_to_num(row["values"].get("fit_simulation_unclipped", np.nan), nan=-np.inf))
     report = {"schema_version": 1, "validation": label, "rank_by": "fit_simulation", "rows": rows}
+    for name, model in models.items():
+        write_json(target / name, model)
     write_json(target / "comparison.json", report)
     if as_json:
         print_json(report)
-        return 0
+    else:
+        print_lines([f"validation: {label}", *_table(rows)])
+    return 0 if models else 2
+
+
+def _table(rows: list[dict]) -> list[str]:
+    from scenarios.report.tables import to_text
+
     shown = ("fit_simulation", "fit_one_step", "vaf_simulation", "vaf_one_step")
-    headers = ["rank", "method", "order", *(f"{name} %" for name in shown), "note"]
+    good = [row for row in rows if row["reason"] is None]
     text = [
-        [str(i + 1), row["method"], str(row["order"]), *(_number(row["values"].get(name)) for name in shown), row["reason"] or ""]
-        for i, row in enumerate(rows)
+        [str(i + 1), row["method"], str(row["order"]), *(_number(row["values"].get(name)) for name in shown)]
+        for i, row in enumerate(good)
     ]
-    print_lines([f"validation: {label}", *to_text(headers, text).splitlines()])
-    return 0
+    failed = [f"{row['method']} n={row['order']} failed: {row['reason']}" for row in rows if row["reason"] is not None]
+    return [*to_text(["rank", "method", "order", *(f"{name} %" for name in shown)], text).splitlines(), *failed]
 
 
 def parse_orders(text: str) -> list[int]:
@@ -91,23 +104,16 @@ def parse_orders(text: str) -> list[int]:
     try:
         if ":" in text:
             first, last = (int(part) for part in text.split(":"))
-            orders = list(range(first, last + 1))
+            orders = range(first, last + 1)
         else:
             orders = [int(part) for part in text.split(",")]
     except ValueError:
         orders = []
+    if len(orders) > MOST_ORDERS:
+        raise ExciteError(f"--orders {text}: {len(orders)} orders; give at most {MOST_ORDERS}")
     if not orders or min(orders) < 1:
         raise ExciteError(f"--orders {text}: give positive whole numbers as 4, or 2,4,8, or 2:10")
-    return orders
-
-
-def _folder(name: str) -> Path:
-    target = Path(name)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ExciteError(f"{name}: cannot be made a folder ({error.strerror}); choose another with -o") from None
-    return target
+    return sorted(set(orders))
 
 
 def _number(value: float | None) -> str:

@@ -1,7 +1,8 @@
-"""excite design: one subcommand a generator, its options read from the generator's signature."""
+"""excite design: one subcommand a generator, its options read from the generator's signature and documentation."""
 
 import inspect
-from typing import Any
+import re
+from collections.abc import Callable
 
 import click
 
@@ -9,7 +10,7 @@ from excite.errors import did_you_mean
 from excite.files import save_signal
 from excite.generators import GENERATORS
 from excite.persistency import certify
-from scenarios.cli.common import existing_parent, print_json, print_lines, toml_value
+from scenarios.cli.common import json_option, new_file, print_json, print_lines, toml_value
 
 
 class Generators(click.Group):
@@ -23,26 +24,31 @@ class Generators(click.Group):
         """Return the command that plays one generator."""
         if name not in GENERATORS:
             raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, GENERATORS)}", ctx)
-        generator = GENERATORS[name]
-        options: list[click.Parameter] = [
-            click.Option(["-o", "out"], required=True, metavar="FILE", help="File to write (.csv, .npz, .mat)."),
-            click.Option(["--block-rows"], type=click.IntRange(1), default=20, show_default=True, help="Order to certify."),
-            click.Option(["--json", "as_json"], is_flag=True, help="Print one strict JSON object."),
-        ]
-        for parameter in inspect.signature(generator).parameters.values():
+        command = click.Command(name, callback=_play(name), help=inspect.getdoc(GENERATORS[name]).splitlines()[0])
+        documented = documentation(GENERATORS[name])
+        for parameter in inspect.signature(GENERATORS[name]).parameters.values():
             required = parameter.default is inspect.Parameter.empty
-            note = "required" if required else f"default {parameter.default}"
-            flag = f"--{parameter.name.replace('_', '-')}"
-            options.append(click.Option([flag, parameter.name], required=required, metavar="VALUE", help=note))
-        summary = (generator.__doc__ or "").strip().splitlines()[0]
-        return click.Command(name, params=options, callback=_play(name), help=summary)
+            default = "" if required or parameter.default is None else f"  [default: {parameter.default}]"
+            flag, note = f"--{parameter.name.replace('_', '-')}", documented.get(parameter.name, "") + default
+            command.params.append(click.Option([flag, parameter.name], metavar="VALUE", required=required, help=note))
+        rows = click.option("--block-rows", type=click.IntRange(1), default=20, show_default=True, help="Order to certify.")
+        out = click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
+        return out(rows(json_option(command)))
 
 
-def _play(name: str) -> Any:
+def documentation(function: Callable) -> dict[str, str]:
+    """Return what a function's numpydoc says of each parameter."""
+    section = re.search(r"\nParameters\n-+\n(.*?)(\n\n|$)", inspect.getdoc(function) or "", re.DOTALL)
+    entries = re.split(r"\n(?=\S)", section[1]) if section else []
+    pairs = (entry.partition(" : ") for entry in entries)
+    return {name.strip(): " ".join(text.split()) for names, _, text in pairs for name in names.split(",")}
+
+
+def _play(name: str) -> Callable:
     def command(out: str, block_rows: int, as_json: bool, **given: str | None) -> int:
         from scenarios.report.tables import certificate_text
 
-        existing_parent(out)
+        new_file(out)
         signal = GENERATORS[name](**{key: toml_value(text) for key, text in given.items() if text is not None})
         certificate = certify(signal, block_rows=block_rows)
         save_signal(signal, out, certificate=certificate.to_dict())
@@ -61,5 +67,3 @@ def _play(name: str) -> Any:
 @click.group(cls=Generators)
 def design() -> None:
     """Design a signal, certify it and write both; `excite design SIGNAL --help` lists its options."""
-
-

@@ -62,8 +62,10 @@ def main(argv: list[str] | None = None) -> None:
 def status(argv: list[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     try:
-        code: Any = cli.main(args=argv, prog_name="excite", standalone_mode=False)
-        sys.stdout.flush()
+        with cli.make_context("excite", list(sys.argv[1:] if argv is None else argv)) as context:
+            code: Any = cli.invoke(context)
+        if sys.stdout is not None:
+            sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.exceptions.Exit as stop:
         return stop.exit_code
@@ -74,12 +76,15 @@ def status(argv: list[str] | None = None) -> int:
         click.echo(f"excite: {error}", err=True)
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
-        click.echo("excite: interrupted; finished pieces are kept, the same command goes on from there", err=True)
+        click.echo("excite: interrupted", err=True)
         return INTERRUPTED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except Exception:
+    except Exception as error:
+        if isinstance(error, OSError) and error.filename is None:  # an open stream, not a path: that is the output
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            if isinstance(error, BrokenPipeError):  # the reader has seen enough
+                return 0
+            click.echo(f"excite: the output cannot be written ({error.strerror}); send it elsewhere", err=True)
+            return ExciteError.exit_code
         traceback.print_exc()
         click.echo("excite: this is a bug; please report it with the lines above", err=True)
         return BUG

@@ -1,17 +1,20 @@
 """excite identify and excite score."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import click
 import numpy as np
 
-from excite.errors import ExciteError
+from excite.errors import ExciteError, placed
 from excite.files import load_recording
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
 from scenarios.cli.common import (
     assignments,
     data_options,
-    existing_parent,
     json_option,
+    new_file,
     print_json,
     print_lines,
     read_experiment,
@@ -37,22 +40,23 @@ def identify(
     from scenarios.report.text import estimate_text
     from scenarios.store import write_json
 
-    if out:
-        existing_parent(out)
+    if out is not None:
+        new_file(out, *file)
     chosen = load_method(method, **assignments(settings, "--set"))
     data = tuple(read_experiment(path, **reading) for path in file)
-    estimate = chosen.fit(data, order)
+    with placed(", ".join(file)):
+        estimate = chosen.fit(data, order)
     scores = [score_estimate(estimate, experiment).per_output for experiment in data]
     fit = {name: np.mean([s[f"fit_{name}"] for s in scores], axis=0) for name in ("simulation", "one_step")
            if f"fit_{name}" in scores[0]}  # fmt: skip
     result = estimate_to_dict(estimate, {"simulation": None, "one_step": None, **fit})
-    if out:
-        write_json(existing_parent(out), result)
+    if out is not None:
+        write_json(Path(out), result)
     if as_json:
         print_json(result)
     else:
         print_lines(estimate_text(estimate, fit))
-        if out:
+        if out is not None:
             click.echo(f"model written to {out}")
     return 0
 
@@ -74,9 +78,13 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
 
     estimate = load_estimate(model)
     experiment = read_experiment(file, **reading)
-    result = score_estimate(estimate, experiment, _truth(file, experiment, reading) if truth == "auto" else None)
+    known = _truth(file, experiment, reading) if truth == "auto" else None
+    with placed(f"{model} on {file}"):
+        result = score_estimate(estimate, experiment, known)
     if as_json:
-        print_json({"schema_version": 1, "model": model, "file": file, "values": result.values, "per_output": result.per_output})
+        print_json({
+            "schema_version": 1, "model": model, "file": file, "values": result.values, "per_output": result.per_output
+        })  # fmt: skip
         return 0
     for name, value in result.values.items():
         if not name.endswith("_unclipped"):
@@ -86,12 +94,14 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
 
 
 def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
-    from dataclasses import replace
-
     from plants.plant import load_plant
 
-    recording = load_recording(file)
-    setting = reading.get("setting") or recording.default
+    with placed("--truth auto"):
+        recording = load_recording(file)
+    setting = reading["setting"] or recording.default
+    given = [f"--{key}" for key in ("inputs", "outputs", "reference", "dt", "time") if reading[key] is not None]
+    if given:
+        raise ExciteError(f"--truth auto: the truth is that of a recorded setting; drop {', '.join(given)}, or --truth")
     if "plant" not in recording.source or setting is None:
         raise ExciteError(f"{file}: does not say which plant and setting it comes from, so there is no truth; drop --truth")
     plant = load_plant(recording.source["plant"], preset=recording.source.get("preset"))

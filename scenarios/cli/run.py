@@ -17,17 +17,27 @@ from scenarios.cli.common import ProgressLine, json_option, print_json, print_li
 def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json: bool) -> int:
     """Run SCENARIO (a file or a shipped name): design, fly, identify, score, report.
 
-    A run that was interrupted goes on where it was when the same command is given again.
+    A run that was interrupted goes on where it was when the same command is given again; --runs may change between.
     """
     from scenarios.pipeline import run_scenario, to_json
+    from scenarios.report.drawing import to_svg
+    from scenarios.report.figures import all_figures
     from scenarios.report.page import write_report
     from scenarios.report.text import summary_text
     from scenarios.spec import load_scenario
+    from scenarios.store import write_text
 
     checked = load_scenario(scenario, runs)
-    target = Path(folder) if folder else Path("runs") / checked.name
-    result = run_scenario(checked, target, jobs, ProgressLine())
-    write_report(result, target / "report.html")
+    target = Path("runs") / checked.name if folder is None else Path(folder)
+    try:
+        result = run_scenario(checked, target, jobs, ProgressLine())
+        figures = all_figures(result)
+        for name, figure in figures.items():
+            write_text(target / "figures" / f"{name}.svg", to_svg(figure))
+        write_report(result, target / "report.html", figures)
+    except KeyboardInterrupt:
+        click.echo(f"\n{target}: finished pieces are kept; the same command goes on from there", err=True)
+        raise
     if as_json:
         print_json(to_json(result))
     else:

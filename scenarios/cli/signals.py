@@ -3,16 +3,19 @@
 import click
 
 from excite import files
+from excite.errors import ExciteError, did_you_mean
 from excite.persistency import certify
 from scenarios.cli.common import (
     assignments,
     columns,
-    existing_parent,
     json_option,
+    new_file,
     one_column,
     print_json,
     print_lines,
 )
+
+WRITABLE = {name: given.extensions for name, given in files.FORMATS.items() if given.write}
 
 
 @click.command()
@@ -37,14 +40,17 @@ def check(file: str, order: int | None, inputs: str | None, dt: float | None, ti
 
 @click.command()
 @click.argument("file", type=click.Path())
-@click.option("--to", "fmt", required=True, metavar="FORMAT", help="csv, npz or mat.")
+@click.option("--to", "fmt", required=True, metavar="FORMAT", help=f"One of {', '.join(WRITABLE)}.")
 @click.option("-o", "out", required=True, type=click.Path(), help="File to write.")
 @click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0.")
 @click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column.")
 @click.option("--time", metavar="COLUMN", help="Time column, in seconds.")
 def export(file: str, fmt: str, out: str, inputs: str | None, dt: float | None, time: str | None) -> int:
     """Write the signal in FILE in another format, with the certificate of what will be played."""
-    existing_parent(out)
+    extension = new_file(out, file).suffix.lower()
+    owners = [name for name, extensions in WRITABLE.items() if extension in extensions]
+    if owners and fmt in WRITABLE and fmt not in owners:
+        raise ExciteError(f"-o {out}: extension '{extension}' says {owners[0]}, but --to says {fmt}; make them agree")
     signal = files.load_signal(file, columns(inputs), dt=dt, time=one_column(time))
     files.export(signal, fmt, out, certificate=certify(signal).to_dict())
     click.echo(f"{out}: {len(signal.u)} samples of {signal.dt:g} s, {len(signal.channels)} channels")
@@ -67,7 +73,9 @@ def simulate(
     """Play a signal file on a simulated PLANT and record it."""
     from plants.plant import load_plant
 
-    existing_parent(out)
+    extension, known = new_file(out, file).suffix.lower(), [e for each in WRITABLE.values() for e in each]
+    if extension not in known:
+        raise ExciteError(f"-o {out}: extension '{extension}' cannot be written; {did_you_mean(extension, known)}")
     chosen = load_plant(plant, preset=preset, parameters=assignments(parameters, "--set"))
     recording = chosen.run(files.load_signal(file), inject=inject, noise=not no_noise, seed=seed)
     files.save_recording(recording, out)

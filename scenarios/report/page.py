@@ -131,7 +131,7 @@ def _design(result: RunResult, figures: Mapping[str, Figure]) -> str:
 
 def _setting(setting: SettingResult, stem: str, figures: Mapping[str, Figure]) -> str:
     roles, name = setting.spec.roles, setting.spec.name
-    kind = "in closed loop: the input depends on the output through feedback" if roles.closed else "in open loop"
+    kind = "in closed loop: the input depends on the output through feedback" if roles.closed else "inputs free of feedback"
     band = f", scored over {setting.band_hz[0]:.3g} to {setting.band_hz[1]:.3g} Hz" if setting.band_hz else ""
     html = f"<p>From {escape(', '.join(roles.inputs))} to {escape(', '.join(roles.outputs))}, {kind}; "
     html += f"sampled every {setting.dt * 1e3:.4g} ms{band}.</p>"

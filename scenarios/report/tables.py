@@ -18,7 +18,7 @@ Table = tuple[list[str], list[list[str]]]
 def ranking(setting: SettingResult, compact: bool = False) -> Table:
     """Return the methods of one setting, best first, below what the truth itself reaches; empty columns are dropped.
 
-    compact : only the columns that fit a terminal, with short headers.
+    compact : only the columns that fit a terminal, with short headers and without the notes.
     """
     columns, names = columns_of(setting, compact)
     rows, rank = _truth_rows(setting, columns, compact), 0
@@ -27,7 +27,7 @@ def ranking(setting: SettingResult, compact: bool = False) -> Table:
         cells = [_cell(row, c, compact and k > 0) for k, c in enumerate(columns)]
         rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(setting, row)])
     headers = ["rank", "method", "order", *names, "note"]
-    keep = [k for k in range(len(headers)) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
+    keep = [k for k in range(len(headers) - compact) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
     return [headers[k] for k in keep], [[row[k] for k in keep] for row in rows]
 
 
@@ -38,7 +38,7 @@ def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool
     fits = {m: v for m, v in setting.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
     floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
     measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
-    names = ("noise-free truth", "measured truth") if compact else (
+    names = ("linearisation floor", "truth, measured") if compact else (
         "linearisation floor (noise-free truth)", "truth on the measured flight"
     )  # fmt: skip
     return [

@@ -1,14 +1,17 @@
 """A run, and a single estimate, as text for a terminal."""
 
 from collections.abc import Mapping
+from textwrap import wrap
 
 import numpy as np
 
 from identify.estimate import Estimate, Status
 from identify.metrics import continuous_poles
-from scenarios.report.tables import certificate_text, expectations, number, ranking, to_text
+from scenarios.report.tables import certificate_text, expectations, note, number, ranking, to_text
 from scenarios.report.verdict import verdict
 from scenarios.results import RunResult, SettingResult
+
+WIDTH = 140
 
 
 def summary_text(result: RunResult) -> list[str]:
@@ -30,8 +33,11 @@ def _setting(result: RunResult, setting: SettingResult) -> list[str]:
     if setting.predictor_radius is not None:
         lines.append(f"truth's predictor A - KC: spectral radius {setting.predictor_radius:.4f}")
     judged = "reference" if roles.closed else "input"
-    lines += [f"{judged}: {line}" if k == 0 else f"  {line}" for k, line in enumerate(certificate_text(result.certificates[name]))]
-    return [*lines, "", *to_text(*ranking(setting, compact=True)).splitlines(), verdict(setting, result.scenario.rank_by), ""]
+    certificate = certificate_text(result.certificates[name])
+    lines += [f"{judged}: {certificate[0]}", *(f"  {line}" for line in certificate[1:])]
+    lines += ["", *to_text(*ranking(setting, compact=True)).splitlines()]
+    lines += [f"  {row.label}: {text}" for row in setting.rows if (text := note(setting, row))]
+    return [*lines, *wrap(verdict(setting, result.scenario.rank_by), WIDTH), ""]
 
 
 def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str]:
