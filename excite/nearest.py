@@ -9,8 +9,8 @@ from scipy.signal import firwin
 from excite import lti
 from excite.errors import ExciteError
 
-OUT_OF_BAND = 0.3  # amplitude weight of a deviation outside the excited band against one inside
-HALF_TAPS = 12  # of the filter that tells the two apart
+OUT_OF_BAND = 0.1  # amplitude weight of a deviation outside the excited band against one inside
+HALF_TAPS = 24  # of the filter that tells the two apart
 ACCURACY = 1e-4  # of the solver, relative to the bounds; what it leaves is repaired afterwards
 ITERATIONS = 1000  # a solution that takes longer is near enough, and repaired as well
 SETTLED = 1e-3  # a transient below this fraction of its start needs no more periods
@@ -77,8 +77,7 @@ def _solve(
     n, nu = target.shape
     scale = np.abs(target - target.mean(0)).max(0)
     scale = np.where(scale > 0, scale, 1.0)
-    F = sparse.kron(_weight(n, band, bounds.repeats), sparse.eye(nu))
-    P = (F.T @ F).tocsc()
+    P = sparse.kron(_weight(n, band), sparse.eye(nu)).tocsc()
     rows = [sparse.eye(n * nu)]
     low, high = [np.tile((bounds.low - bounds.rest) / scale, n)], [np.tile((bounds.high - bounds.rest) / scale, n)]
     if np.isfinite(bounds.move).any():
@@ -109,21 +108,17 @@ def _solve(
     return x.reshape(n, nu) * scale + bounds.rest
 
 
-def _weight(n: int, band: tuple[float, float] | None, repeats: bool) -> sparse.spmatrix:
-    """F as a banded Toeplitz matrix (n, n), circulant where the values repeat; the identity without a band."""
+def _weight(n: int, band: tuple[float, float] | None) -> sparse.spmatrix:
+    """F^T F, (n, n) banded Toeplitz: the filter's own correlation, so that the ends weigh as much as the middle."""
     half = min(HALF_TAPS, (n - 1) // 2)
     if band is None or half == 0:
         return sparse.eye(n)
-    inner = band[0] > 0
-    cut = (band if band[1] < 1 else band[:1]) if inner else band[1:]
-    taps = (1 - OUT_OF_BAND) * firwin(2 * half + 1, cut, pass_zero=not inner)
+    edges = [f for f in band if 0 < f < 1]
+    taps = (1 - OUT_OF_BAND) * firwin(2 * half + 1, edges, pass_zero=band[0] <= 0) if edges else np.zeros(2 * half + 1)
     taps[half] += OUT_OF_BAND
-    lags = np.arange(-half, half + 1)
-    F = sparse.diags(taps, lags, shape=(n, n))
-    if repeats:
-        F = F + sparse.diags(taps[lags > 0], lags[lags > 0] - n, shape=(n, n))
-        F = F + sparse.diags(taps[lags < 0], lags[lags < 0] + n, shape=(n, n))
-    return F
+    lags = np.arange(-2 * half, 2 * half + 1)
+    inside = np.abs(lags) < n
+    return sparse.diags(np.correlate(taps, taps, "full")[inside], lags[inside], shape=(n, n))
 
 
 def _dynamics(

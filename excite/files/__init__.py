@@ -8,6 +8,7 @@ from pathlib import Path
 
 from excite.errors import ExciteError, did_you_mean, placed
 from excite.files import autopilot, awg, c_header, crazyflie, hdf5, mat, npz, text, wav
+from excite.files.atomic import readable
 from excite.files.own import damaged, plain, to_loop, to_recording, to_table
 from excite.files.roles import Columns, channels, choose, require, sampling
 from excite.files.table import Table
@@ -61,7 +62,7 @@ __all__ = [
 
 def read_table(path: str | os.PathLike) -> Table:
     """Return the columns of a file of any known format, before roles are chosen."""
-    given = _by_extension(path)
+    given = _by_extension(readable(path))
     if given.read is None:
         raise ExciteError(f"{path}: this format is only written; load the signal it was made from")
     return given.read(Path(path))

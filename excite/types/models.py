@@ -163,9 +163,13 @@ def kalman_gain(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the steady one-step Kalman gain K (n, ny) and the innovation covariance (ny, ny).
 
-    For x+ = A x + w, y = C x + v with cov [w; v] = [[Q, S], [S^T, R]], by the stabilising Riccati solution.
+    For x+ = A x + w, y = C x + v with cov [w; v] = [[Q, S], [S^T, R]], by the stabilising Riccati solution. Raises
+    ExciteError when there is none.
     """
-    P = la.solve_discrete_are(A.T, C.T, (Q + Q.T) / 2, R, s=S)
+    try:
+        P = la.solve_discrete_are(A.T, C.T, (Q + Q.T) / 2, R, s=S)
+    except la.LinAlgError as error:
+        raise ExciteError(f"no steady Kalman gain exists for this noise ({error}); give every output some noise") from error
     innovation = C @ P @ C.T + R
     return la.solve(innovation, (A @ P @ C.T + S).T, assume_a="pos").T, (innovation + innovation.T) / 2
 

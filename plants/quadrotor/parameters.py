@@ -117,6 +117,9 @@ def resolve(preset: str, overrides: Mapping[str, float]) -> dict[str, Parameter]
     return parameters
 
 
+MOST_NOISE = 1e3  # in any unit: far beyond what flies, and within what the simulator can still integrate
+
+
 def noise_levels(noise: bool | Mapping[str, float]) -> dict[str, float]:
     """Return every source's standard deviation: the defaults (True), zeros (False), or defaults with some changed."""
     levels = {name: parameter.value for name, parameter in NOISE_SOURCES.items()}
@@ -131,6 +134,8 @@ def noise_levels(noise: bool | Mapping[str, float]) -> dict[str, float]:
         levels[name] = _number(value, place)
         if levels[name] < 0:
             raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; a standard deviation is at least zero")
+        if levels[name] > MOST_NOISE:
+            raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; no such vehicle flies, give at most {MOST_NOISE:g}")
     return levels
 
 

@@ -67,7 +67,10 @@ def toml_value(text: str) -> Any:
             return tomllib.loads(f"v = {candidate}")["v"]
         except tomllib.TOMLDecodeError:
             continue
-    return [part.strip() for part in text.split(",")] if "," in text else text
+    try:
+        return float(text)  # .5 and 1., which TOML does not know
+    except ValueError:
+        return [part.strip() for part in text.split(",")] if "," in text else text
 
 
 def assignments(pairs: tuple[str, ...], option: str) -> dict[str, Any]:

@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 import click
 
-from excite.errors import did_you_mean
-from excite.files import save_signal
+from excite import files
+from excite.errors import ExciteError, did_you_mean
 from excite.generators import GENERATORS
-from excite.persistency import certify
+from excite.proposal import KINDS, Knowledge, knowledge_of
+from excite.proposal import propose as propose_design
 from scenarios.cli.common import json_option, new_file, print_json, print_lines, toml_value
+from scenarios.cli.playing import Played, limits_option, plot_later, plot_option, prepare
 
 
 class Generators(click.Group):
@@ -18,12 +20,14 @@ class Generators(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all generators."""
-        return sorted(GENERATORS)
+        return [*sorted(GENERATORS), "propose"]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Return the command that plays one generator."""
+        if name == "propose":
+            return propose
         if name not in GENERATORS:
-            raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, GENERATORS)}", ctx)
+            raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, [*GENERATORS, 'propose'])}", ctx)
         command = click.Command(name, callback=_play(name), help=inspect.getdoc(GENERATORS[name]).splitlines()[0])
         documented = documentation(GENERATORS[name])
         for parameter in inspect.signature(GENERATORS[name]).parameters.values():
@@ -33,7 +37,7 @@ class Generators(click.Group):
             command.params.append(click.Option([flag, parameter.name], metavar="VALUE", required=required, help=note))
         rows = click.option("--block-rows", type=click.IntRange(1), default=20, show_default=True, help="Order to certify.")
         out = click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
-        return out(rows(json_option(command)))
+        return out(rows(limits_option(plot_option(json_option(command)))))
 
 
 def documentation(function: Callable) -> dict[str, str]:
@@ -45,23 +49,69 @@ def documentation(function: Callable) -> dict[str, str]:
 
 
 def _play(name: str) -> Callable:
-    def command(out: str, block_rows: int, as_json: bool, **given: str | None) -> int:
-        from scenarios.report.tables import certificate_text
-
+    def command(
+        out: str, block_rows: int, as_json: bool, limits: str | None, plot: str | None, **given: str | None
+    ) -> int:
         new_file(out)
-        signal = GENERATORS[name](**{key: toml_value(text) for key, text in given.items() if text is not None})
-        certificate = certify(signal, block_rows=block_rows)
-        save_signal(signal, out, certificate=certificate.to_dict())
-        if as_json:
-            print_json({
-                "schema_version": 1, "file": out, "recipe": dict(signal.recipe), "certificate": certificate.to_dict()
-            })  # fmt: skip
-        else:
-            print_lines([f"{out}: {name}, {len(signal.u)} samples of {signal.dt:g} s, {len(signal.channels)} channels"])
-            print_lines(certificate_text(certificate))
+        draw = plot_later(plot)
+        parameters = {key: toml_value(text) for key, text in given.items() if text is not None}
+        _write(out, prepare(GENERATORS[name](**parameters), limits, block_rows), as_json, {}, [])
+        draw(files.load_signal(out), limits)
         return 0
 
     return command
+
+
+def _write(out: str, played: Played, as_json: bool, more: dict, lines: list[str]) -> None:
+    signal = played.signal
+    files.save_signal(signal, out, certificate=played.certificate.to_dict())
+    if as_json:
+        print_json({"schema_version": 1, "file": out, **more, **played.to_dict()})
+        return
+    kind = signal.recipe.get("kind", "signal")
+    print_lines([f"{out}: {kind}, {len(signal.u)} samples of {signal.dt:g} s, {len(signal.channels)} channels"])
+    print_lines([*lines, *played.lines()])
+
+
+@click.command()
+@click.argument("kind", metavar="|".join(KINDS))
+@click.option("--bandwidth-hz", type=float, help="Highest frequency of interest, Hz.")
+@click.option("--settling-s", type=float, help="Time in which responses die out, s.")
+@click.option("--limit", type=float, required=True, help="Peak that the input may reach.")
+@click.option("--noise", type=float, default=0.0, help="Rms of the output noise.")
+@click.option("--gain", type=float, default=1.0, show_default=True, help="Output units a unit of input.")
+@click.option("--model", type=click.Path(), help="Model of the last experiment (JSON), instead of the four above.")
+@click.option("--dt", type=float, help="Sampling time when it is given, s; checked against aliasing.")
+@click.option("--channels", type=click.IntRange(1), default=1, show_default=True, help="Number of inputs.")
+@click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
+@json_option
+def propose(
+    kind: str, bandwidth_hz: float | None, settling_s: float | None, limit: float, noise: float, gain: float,
+    model: str | None, dt: float | None, channels: int, out: str, as_json: bool,
+) -> int:  # fmt: skip
+    """Propose a signal from what is known of the plant, say why, and write it."""
+    new_file(out)
+    if model is not None:
+        from identify.model_json import load_estimate
+
+        known = knowledge_of(load_estimate(model).model.to_state_space(), limit)
+    elif bandwidth_hz is None or settling_s is None:
+        raise ExciteError("propose: give --bandwidth-hz and --settling-s, or --model from the last experiment")
+    else:
+        known = Knowledge(bandwidth_hz, settling_s, limit, noise, gain)
+    proposal = propose_design(kind, known, dt, channels)
+    reasons = [f"{name} = {_short(value)}: {proposal.reasons[name]}" for name, value in proposal.parameters.items()
+               if name in proposal.reasons]  # fmt: skip
+    lines = [*reasons, *(f"warning: {warning}" for warning in proposal.warnings)]
+    more = {"kind": kind, "parameters": proposal.parameters, "reasons": proposal.reasons, "warnings": proposal.warnings}
+    _write(out, prepare(GENERATORS[kind](**proposal.parameters), None), as_json, {"proposal": more}, lines)
+    return 0
+
+
+def _short(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_short, value))}]" if len(value) < 4 else f"{len(value)} points"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 @click.group(cls=Generators)

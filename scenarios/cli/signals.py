@@ -1,19 +1,28 @@
 """excite check, export, simulate."""
 
+from dataclasses import asdict
+from typing import Any
+
 import click
 
 from excite import files
 from excite.errors import ExciteError, did_you_mean
-from excite.persistency import certify
+from excite.information import information
+from excite.limits import check as check_limits
+from excite.persistency import certify, verdict
+from identify.method import Method, load_method, method_class
 from scenarios.cli.common import (
     assignments,
     columns,
+    data_options,
     json_option,
     new_file,
     one_column,
     print_json,
     print_lines,
+    read_experiment,
 )
+from scenarios.cli.playing import limits_option, plot_later, plot_option, prepare, read_limits
 
 WRITABLE = {name: given.extensions for name, given in files.FORMATS.items() if given.write}
 
@@ -21,39 +30,98 @@ WRITABLE = {name: given.extensions for name, given in files.FORMATS.items() if g
 @click.command()
 @click.argument("file", type=click.Path())
 @click.option("--order", type=click.IntRange(1), help="Order that is needed; exit code 3 when it is not reached.")
-@click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0.")
-@click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column.")
-@click.option("--time", metavar="COLUMN", help="Time column, in seconds.")
+@click.option("--noise-floor", type=float, help="Standard deviation below which nothing counts as excitation.")
+@click.option("--method", "methods", multiple=True, metavar="NAME", help="Judge whether it is enough for this method.")
+@click.option("--model-order", type=click.IntRange(1), default=4, show_default=True, help="Model order for --method.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Setting of the methods that have it.")
+@click.option("--arx", metavar="NA,NB", help="Judge the joint information of (y, u), as closed-loop data need it.")
+@limits_option
+@plot_option
+@data_options
 @json_option
-def check(file: str, order: int | None, inputs: str | None, dt: float | None, time: str | None, as_json: bool) -> int:
-    """Certify the persistency of excitation of the inputs in FILE."""
+def check(
+    file: str, order: int | None, noise_floor: float | None, methods: tuple[str, ...], model_order: int,
+    settings: tuple[str, ...], arx: str | None, limits: str | None, plot: str | None, as_json: bool, **reading: Any,
+) -> int:  # fmt: skip
+    """Certify the persistency of excitation of the inputs in FILE; exit code 3 when it is not enough for what is asked."""
     from scenarios.report.tables import certificate_text
 
-    signal = files.load_signal(file, columns(inputs), dt=dt, time=one_column(time))
-    certificate = certify(signal, block_rows=order or 20)
+    draw = plot_later(plot)
+    judged = [_method(name, settings, methods) for name in methods]
+    signal = files.load_signal(file, columns(reading["inputs"]), dt=reading["dt"], time=one_column(reading["time"]))
+    certificate = certify(signal, order or 20, noise_floor)
+    result: dict[str, Any] = {"schema_version": 1, "file": file, **certificate.to_dict()}
+    lines, enough = certificate_text(certificate), not order or certificate.reached
+    for method in judged:
+        what = f"{method.name} ({', '.join(f'{k} {v}' for k, v in asdict(method).items())}) and order {model_order}"
+        needs = method.required_excitation(model_order), method.sufficient_excitation(model_order)
+        found = verdict(signal, what, *needs, noise_floor)
+        result.setdefault("verdicts", []).append(asdict(found))
+        lines.append(str(found))
+        enough = enough and found.ok
+    if arx:
+        joint = information(read_experiment(file, **reading), *_lags(arx))
+        result["information"] = joint.to_dict()
+        lines.append(str(joint))
+        enough = enough and joint.ok
+    if limits:
+        report = check_limits(signal, read_limits(limits))
+        result["limits"] = report.to_dict()
+        lines += map(str, report.checks)
+        enough = enough and report.ok
+    draw(signal, limits)
     if as_json:
-        print_json({"schema_version": 1, "file": file, **certificate.to_dict()})
+        print_json(result)
     else:
-        print_lines(certificate_text(certificate))
-    return 3 if order and not certificate.reached else 0
+        print_lines(lines)
+    return 0 if enough else 3
+
+
+def _method(name: str, settings: tuple[str, ...], methods: tuple[str, ...]) -> Method:
+    options, kinds = assignments(settings, "--set"), [method_class(m) for m in methods]
+    for key in options:
+        if not any(key in kind.__dataclass_fields__ for kind in kinds):
+            raise ExciteError(f"--set {key}: none of {', '.join(methods)} has this setting")
+    return load_method(name, **{k: v for k, v in options.items() if k in method_class(name).__dataclass_fields__})
+
+
+def _lags(text: str) -> tuple[int, int]:
+    parts = text.split(",")
+    if len(parts) != 2 or not all(p.strip().isdigit() for p in parts):
+        raise ExciteError(f"--arx {text}: give two whole numbers of lags, as 2,2")
+    return int(parts[0]), int(parts[1])
 
 
 @click.command()
 @click.argument("file", type=click.Path())
 @click.option("--to", "fmt", required=True, metavar="FORMAT", help=f"One of {', '.join(WRITABLE)}.")
-@click.option("-o", "out", required=True, type=click.Path(), help="File to write.")
+@click.option("-o", "out", required=True, type=click.Path(), help="File to write; one a channel where the format has one.")
 @click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0.")
 @click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column.")
 @click.option("--time", metavar="COLUMN", help="Time column, in seconds.")
-def export(file: str, fmt: str, out: str, inputs: str | None, dt: float | None, time: str | None) -> int:
-    """Write the signal in FILE in another format, with the certificate of what will be played."""
+@limits_option
+@plot_option
+@json_option
+def export(
+    file: str, fmt: str, out: str, inputs: str | None, dt: float | None, time: str | None, limits: str | None,
+    plot: str | None, as_json: bool,
+) -> int:  # fmt: skip
+    """Write the signal in FILE for the hardware, with the certificate of what will be played."""
     extension = new_file(out, file).suffix.lower()
     owners = [name for name, extensions in WRITABLE.items() if extension in extensions]
     if owners and fmt in WRITABLE and fmt not in owners:
         raise ExciteError(f"-o {out}: extension '{extension}' says {owners[0]}, but --to says {fmt}; make them agree")
-    signal = files.load_signal(file, columns(inputs), dt=dt, time=one_column(time))
-    files.export(signal, fmt, out, certificate=certify(signal).to_dict())
-    click.echo(f"{out}: {len(signal.u)} samples of {signal.dt:g} s, {len(signal.channels)} channels")
+    draw = plot_later(plot)
+    played = prepare(files.load_signal(file, columns(inputs), dt=dt, time=one_column(time)), limits)
+    paths = files.export(played.signal, fmt, out, certificate=played.certificate.to_dict())
+    draw(played.signal, limits)
+    if as_json:
+        print_json({"schema_version": 1, "files": [str(p) for p in paths], "format": fmt, **played.to_dict()})
+        return 0
+    for path in paths:
+        click.echo(f"{path}: {len(played.signal.u)} samples of {played.signal.dt:g} s, {len(played.signal.channels)} channels")
+    if played.shaped is not None:
+        print_lines(played.lines())
     return 0
 
 
