@@ -20,7 +20,8 @@ class OutputLimit:
     """Bounds on what a model predicts the command to cause, from trim on.
 
     model : from all channels of the signal to the limited outputs, open or closed loop, at the signal's dt; trim is the
-    model's offsets with zero state. low, high : bounds in the outputs' units, one number or one an output; None is free.
+    model's offsets with zero state. low, high : bounds in the outputs' units, one number or one an output; None, or an
+    infinite one, is free.
     """
 
     model: StateSpaceModel
@@ -28,27 +29,25 @@ class OutputLimit:
     high: Number = None
 
     def __post_init__(self) -> None:
-        names = tuple(c.name for c in self.model.outputs)
-        low, high = (per_channel(v, names, f"OutputLimit.{k}", d) for k, v, d in self._sides())
-        for i in np.flatnonzero((low > self.model.output_offset) | (high < self.model.output_offset)):
+        low, high = self.bounds()
+        trim = self.model.output_offset
+        for i in np.flatnonzero((low >= trim) | (high <= trim)):
             raise ExciteError(
-                f"OutputLimit: output '{names[i]}': trim is {self.model.output_offset[i]:g}, outside {low[i]:g} to "
-                f"{high[i]:g}; no command keeps this limit from the start: widen it or trim elsewhere"
+                f"OutputLimit: output '{self.model.outputs[i].name}': trim is {trim[i]:g}, not inside {low[i]:g} to "
+                f"{high[i]:g}; no command keeps this limit and moves: widen it or trim elsewhere"
             )
-
-    def _sides(self) -> tuple[tuple[str, Number, float], ...]:
-        return ("low", self.low, -np.inf), ("high", self.high, np.inf)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Low and high of every output, (ny,) each, infinite where free."""
-        return tuple(np.broadcast_to(d if v is None else np.asarray(v, float), len(self.model.C)) for _, v, d in self._sides())
+        names = tuple(c.name for c in self.model.outputs)
+        return per_channel(self.low, names, "OutputLimit.low", -np.inf), per_channel(self.high, names, "OutputLimit.high", np.inf)
 
     def to_dict(self) -> dict:
         """Plain values for JSON and TOML; None is left out."""
         m = self.model
         model = {k: np.asarray(getattr(m, k)).tolist() for k in MODEL_KEYS}
         model |= {"inputs": [str(c) for c in m.inputs], "outputs": [str(c) for c in m.outputs]}
-        return {"model": model} | {k: _plain(v) for k, v, _ in self._sides() if v is not None}
+        return {"model": model} | {k: _plain(v) for k in ("low", "high") if (v := getattr(self, k)) is not None}
 
     @classmethod
     def from_dict(cls, table: Mapping) -> "OutputLimit":
@@ -154,6 +153,8 @@ class Limits:
         if self.bits is None:
             return None
         low, high = self.bounds(signal) if self.range is None else np.outer(self.range, np.ones(len(signal.channels)))
+        if not np.isfinite([low, high]).all():
+            raise ExciteError(f"limits: bits: {self.bits} over an infinite range; give range = [from, to]")
         return low, (high - low) / (2**self.bits - 1)
 
     def actuator_gain(self, signal: Signal, samples: int) -> np.ndarray | None:
@@ -281,15 +282,15 @@ def _below(name: str, channel: str, value: float, allowed: float, where_s: float
 
 
 def per_channel(value: Number, names: Sequence[str], place: str, default: float) -> np.ndarray:
-    """One finite number a channel, (nu,); `default` where there is no limit."""
+    """One number a channel, (nu,); `default` where there is no limit, which infinity says too."""
     if value is None:
         return np.full(len(names), default)
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         array = np.array(np.nan)
-    if array.shape not in ((), (len(names),)) or not np.isfinite(array).all():
-        raise ExciteError(f"{place}: {value!r}; give one finite number, or one for each of {', '.join(names)}")
+    if array.shape not in ((), (len(names),)) or np.isnan(array).any():
+        raise ExciteError(f"{place}: {value!r}; give one number, or one for each of {', '.join(names)}")
     return np.broadcast_to(array, (len(names),)).copy()
 
 

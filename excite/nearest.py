@@ -134,7 +134,9 @@ def _dynamics(
     index = bounds.index[:K]
     x_scale = np.abs(lti.states(A, B, target[index] - bounds.rest)).max(0, initial=0.0)
     x_scale = np.where(x_scale > 0, x_scale, 1.0)
-    y_scale = np.where(np.isfinite(bounds.y_high), bounds.y_high, 0) - np.where(np.isfinite(bounds.y_low), bounds.y_low, 0)
+    sizes = np.abs([bounds.y_low, bounds.y_high])
+    y_scale = np.where((sizes > 0) & np.isfinite(sizes), sizes, np.inf).min(0)  # the solver's accuracy is the tighter one's
+    y_scale[np.isinf(y_scale)] = 1.0
     A, B = A / x_scale[:, None] * x_scale, B / x_scale[:, None] * scale
     C, D = C / y_scale[:, None] * x_scale, D / y_scale[:, None] * scale
     pick = sparse.coo_matrix((np.ones(K), (np.arange(K), index)), (K, n)).tocsr()

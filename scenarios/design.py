@@ -13,7 +13,7 @@ from excite.types.signal import Signal
 from excite.types.truth import Truth
 from identify.method import Method, method_class
 from scenarios.rule import Horizons, horizons
-from scenarios.spec import MethodSpec, Scenario, SettingSpec
+from scenarios.spec import MethodSpec, Scenario, SettingSpec, check_signal
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,9 @@ def make_design(scenario: Scenario) -> Design:
     Raises ExciteError for roles, bands, orders and horizons that the records will not allow, and DesignRefused when the
     excitation is unsafe or cannot work.
     """
-    signal = scenario.design(scenario.seed)
+    with placed(f"{scenario.file}: excitation"):
+        signal = scenario.design(scenario.seed)
+    check_signal(scenario, signal)
     with placed(f"{scenario.file}: excitation"):
         first = replace(signal, u=signal.u[:1], period=None)
         recording = scenario.plant.run(first, inject=scenario.inject, noise=False)
@@ -68,7 +70,7 @@ def setting_horizons(scenario: Scenario, spec: SettingSpec, signal: Signal) -> H
     try:
         truth = setting_truth(scenario, spec)
         return horizons(truth.model, None if spec.roles.closed else _held(scenario, spec, signal), spec.decimate)
-    except np.linalg.LinAlgError as error:
+    except (np.linalg.LinAlgError, ExciteError) as error:
         given = scenario.source["plant"].get("parameters", {})
         raise ExciteError(
             f"{scenario.file}: plant.parameters: {given} leave setting '{spec.name}' without a linearised truth ({error}); "

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from excite.errors import ExciteError, placed
-from excite.files import load_recording, save_recording, save_signal
+from excite.files import load_recording, load_signal, save_recording, save_signal
 from excite.types.experiment import Experiment
 from excite.types.models import Model
 from excite.types.recording import Recording
@@ -28,7 +28,7 @@ from identify.score import METRICS, Score, floor_metric, score
 from scenarios.design import Design, built_methods, make_design, setting_horizons, setting_truth
 from scenarios.results import Row, RunResult, SettingResult
 from scenarios.rule import Horizons
-from scenarios.spec import STATISTICS, Scenario, SettingSpec, check_scenario, statistics
+from scenarios.spec import STATISTICS, Scenario, SettingSpec, check_scenario, check_signal, statistics
 from scenarios.store import intact, make_folder, open_folder, read_json, write_json
 
 Progress = Callable[[str, int, int], None]
@@ -43,8 +43,12 @@ def run_scenario(scenario: Scenario, folder: Path, jobs: int = 1, progress: Prog
     with open_folder(folder, scenario.source):
         certificates = {name: c.to_dict() for name, c in design.certificates.items()}
         write_json(folder / "certificate.json", certificates)
-        if not (folder / "excitation.csv.json").exists():  # written after the CSV file it describes
-            save_signal(design.signal, folder / "excitation.csv", certificate=certificates)
+        for kind, k in [("estimation", 0), *(("validation", k) for k in range(scenario.validation_runs))]:
+            path = excitation_path(folder, kind, k)
+            if not path.with_name(f"{path.name}.json").exists():  # written after the CSV file it describes
+                signal_k = design.signal if kind == "estimation" else scenario.design(scenario.seed + 1 + k)
+                check_signal(scenario, signal_k)
+                save_signal(signal_k, path, certificate=certificates if kind == "estimation" else None)
         flights = [("estimation", k) for k in range(scenario.estimation_runs)]
         flights += [(kind, k) for kind in KINDS[1:] for k in range(scenario.validation_runs)]
         fits = [(spec.name, k) for spec in scenario.settings for k in range(scenario.estimation_runs)]
@@ -139,13 +143,20 @@ def recording_path(folder: Path, kind: str, k: int) -> Path:
     return folder / "recordings" / f"{kind}_{k:02d}.npz"
 
 
+def excitation_path(folder: Path, kind: str, k: int) -> Path:
+    """Where the signal of a flight lies: designed once, so that what a search decided holds for every flight."""
+    return folder / ("excitation.csv" if kind == "estimation" else f"validation_{k:02d}.csv")
+
+
 def fly(source: dict, folder: Path, kind: str, k: int) -> None:
     """Fly one estimation, validation or noise-free validation run and record it.
 
     Estimation runs share one excitation under different noise; validation runs have a fresh realisation of it.
     """
     scenario = check_scenario(source, str(folder))
-    excitation = scenario.design(scenario.seed if kind == "estimation" else scenario.seed + 1 + k)
+    path = excitation_path(folder, kind, k)
+    with intact(path):
+        excitation = load_signal(path)
     seed = scenario.seed + k + (0 if kind == "estimation" else VALIDATION_OFFSET)
     noise = False if kind == "clean" else scenario.noise
     parameters = source["plant"].get("parameters")
@@ -179,7 +190,9 @@ def identify(source: dict, folder: Path, setting: str, k: int) -> None:
     """Fit every method and order of one setting on one estimation run, and score it on the validation runs."""
     scenario = check_scenario(source, str(folder))
     spec = next(s for s in scenario.settings if s.name == setting)
-    rule = setting_horizons(scenario, spec, scenario.design(scenario.seed))
+    path = excitation_path(folder, "estimation", k)
+    with intact(path):
+        rule = setting_horizons(scenario, spec, load_signal(path))
     recording = flown(folder, "estimation", k)
     data = experiments(view(scenario, spec, rule, recording))
     judge = _Judge(scenario, spec, rule, folder, recording)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from excite.errors import DesignRefused, ExciteError, did_you_mean, placed
-from excite.generators import GENERATORS
+from excite.generators import GENERATORS, in_sequence, rest
 from excite.types.recording import Roles
 from excite.types.signal import Signal
 from identify.method import Method, load_method, method_class
@@ -79,7 +79,7 @@ class Scenario:
     plant: Plant
     noise: bool | Mapping[str, float]
     inject: str
-    excitation: Mapping[str, Any]
+    excitation: tuple[Mapping[str, Any], ...]
     settings: tuple[SettingSpec, ...]
     methods: tuple[MethodSpec, ...]
     estimation_runs: int
@@ -93,10 +93,15 @@ class Scenario:
     file: str = "scenario"
 
     def design(self, seed: int) -> Signal:
-        """Return the excitation for a realisation seed."""
-        parameters = {k: v for k, v in self.excitation.items() if k != "kind"}
+        """Return the excitation for a realisation seed; several parts play one after the other."""
         channels = [str(c) for c in self.plant.injections[self.inject].channels]
-        return GENERATORS[self.excitation["kind"]](**parameters, channels=channels, seed=seed)
+        parts = []
+        for i, part in enumerate(self.excitation):
+            given = {k: v for k, v in part.items() if k not in ("kind", "rest_s")}
+            parts.append(GENERATORS[part["kind"]](**given, channels=channels, seed=seed + i))
+            if part.get("rest_s"):
+                parts.append(rest(dt=parts[-1].dt, duration_s=part["rest_s"], channels=channels))
+        return parts[0] if len(parts) == 1 else in_sequence(parts)
 
 
 def shipped() -> dict[str, Path]:
@@ -154,7 +159,7 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
         raise ExciteError(f"{table.place}inject: '{inject}'; {did_you_mean(inject, plant.injections)}")
     table.done()
 
-    excitation = _excitation(top.table("excitation"))
+    excitation = _excitation(top)
 
     table = top.table("data")
     estimation_runs = table.take("estimation_runs", int, 1, at_least(1))
@@ -189,18 +194,21 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
         validation_runs=validation_runs, discard_s=discard_s, rank_by=rank_by, bands_hz=bands_hz, horizons_s=horizons_s,
         expect=expect, source=source, file=file,
     )  # fmt: skip
-    with placed(f"{file}: excitation"):
-        signal = scenario.design(seed)
+    return scenario
+
+
+def check_signal(scenario: Scenario, signal: Signal) -> None:
+    """Refuse an excitation that leaves the plant's limits, and discards and horizons that it does not bear."""
+    file = scenario.file
     check_limits(scenario, signal, f"{file}: excitation")
-    left_s = signal.duration_s - discard_s
+    left_s = signal.duration_s - scenario.discard_s
     if left_s <= 0:
         raise ExciteError(
-            f"{file}: data.discard_s: {discard_s:g} s discards the whole record of {signal.duration_s:g} s; discard less"
+            f"{file}: data.discard_s: {scenario.discard_s:g} s discards the whole record of {signal.duration_s:g} s; discard less"
         )
-    for i, horizon in enumerate(horizons_s):
+    for i, horizon in enumerate(scenario.horizons_s):
         if horizon >= left_s:
             raise ExciteError(f"{file}: score.horizons_s[{i}]: {horizon:g} s is beyond the {left_s:g} s of data; shorten it")
-    return scenario
 
 
 def check_limits(scenario: Scenario, signal: Signal, place: str) -> None:
@@ -216,15 +224,25 @@ def check_limits(scenario: Scenario, signal: Signal, place: str) -> None:
             )
 
 
-def _excitation(table: TomlTable) -> dict[str, Any]:
+def _excitation(top: TomlTable) -> tuple[dict[str, Any], ...]:
+    """Read [excitation], or the parts of [[excitation]], each of which may end with a rest of rest_s."""
+    several = isinstance(top.values.get("excitation"), list)
+    tables = top.tables("excitation") if several else [top.table("excitation")]
+    if not tables:
+        raise ExciteError(f"{top.place}excitation: is empty; give at least one part")
+    return tuple(_part(table, several) for table in tables)
+
+
+def _part(table: TomlTable, several: bool) -> dict[str, Any]:
     kind = table.take("kind", str)
     if kind not in GENERATORS:
         raise ExciteError(f"{table.place}kind: '{kind}'; {did_you_mean(kind, GENERATORS)}")
+    rest_s = table.take("rest_s", NUMBER, 0.0, at_least(0)) if several else 0.0
     known = [p for p in inspect.signature(GENERATORS[kind]).parameters if p not in FIXED]
     for key in table.values:
         if key not in known:
             raise ExciteError(f"{table.place}{key}: unknown key for a {kind}; {did_you_mean(key, known)}")
-    return {"kind": kind, **table.values}
+    return {"kind": kind, **table.values, "rest_s": rest_s}
 
 
 def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:

@@ -175,6 +175,16 @@ def test_output_limits_cost_less_than_scaling_the_signal_down():
     assert shaped.method == "quadratic program" and shaped.loss.mean_line_db > 20 * np.log10(0.7) / 4
 
 
+def test_outputs_may_be_bounded_on_one_side_or_not_at_all():
+    model = StateSpaceModel(np.diag([0.5, 0.8]), [[1.0], [1.0]], np.eye(2), np.zeros((2, 1)), DT)
+    signal, free = multisine(), np.inf
+    shaped = shape(signal, Limits(outputs=(OutputLimit(model, [-free, -0.5], [1.0, free]),)))
+    y = model.simulate(shaped.signal.u)
+    assert y[:, 0].max() <= 1 + 1e-9 and y[:, 1].min() >= -0.5 - 1e-9 and y[:, 0].min() < -1
+    assert shape(signal, Limits(outputs=(OutputLimit(model),))).method == "unchanged"
+    assert {c.limit for c in check(signal, Limits(outputs=(OutputLimit(model, high=1.0),))).checks} == {"output high"}
+
+
 def test_an_integrating_output_can_be_bounded():
     model = StateSpaceModel([[1.0]], [[DT]], [[1.0]], [[0.0]], DT)
     signal = Signal(0.2 + multisine(500, 50).u, DT)  # drifts: the output leaves any bound
@@ -212,7 +222,7 @@ def test_limits_travel_through_toml_and_json():
     [
         ({"amplitude": 0.0}, "amplitude: 0.0"),
         ({"amplitude": float("nan")}, "amplitude: nan"),
-        ({"amplitude": [1.0, 2.0]}, r"amplitude: \[1.0, 2.0\]; give one finite number, or one for each of u1"),
+        ({"amplitude": [1.0, 2.0]}, r"amplitude: \[1.0, 2.0\]; give one number, or one for each of u1"),
         ({"rat": 1.0}, "did you mean 'rate'"),
         ({"low": 2.0, "high": 1.0}, "channel 'u1': low 2 is above high 1"),
         ({"bits": 8}, "bits: 8 without a range"),
@@ -233,15 +243,17 @@ def test_impossible_limits_say_which_one_binds(table, message):
 
 
 def test_output_limits_that_trim_or_the_bounds_violate_are_refused():
-    with pytest.raises(ExciteError, match=r"output 'y1': trim is 10, outside -1 to 1"):
+    with pytest.raises(ExciteError, match=r"output 'y1': trim is 10, not inside -1 to 1"):
         OutputLimit(resonance(offset=10.0), -1.0, 1.0)
+    with pytest.raises(ExciteError, match="not inside 0 to 1; no command keeps this limit and moves"):
+        OutputLimit(resonance(), 0.0, 1.0)
     off_trim = Limits(low=1.0, high=3.0, outputs=(OutputLimit(resonance(), -0.5, 0.5),))
     with pytest.raises(ExciteError, match=r"amplitude keeps the command off trim, .* takes output 'y1' 0\.\d+ past its limit"):
         shape(multisine(), off_trim)
     with pytest.raises(ExciteError, match="2 inputs, the signal 1 channels"):
         check(multisine(), Limits(outputs=(OutputLimit(resonance(channels=2), -1, 1),)))
     slow = StateSpaceModel([[0.5]], [[1]], [[1]], [[0]], 0.1)
-    with pytest.raises(ExciteError, match="model's dt is 0.1 s, the signal's 0.01 s"):
+    with pytest.raises(ExciteError, match=r"model's dt is 0\.1 s, the signal's 0\.01 s"):
         check(multisine(), Limits(actuator=slow))
 
 

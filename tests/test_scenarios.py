@@ -106,7 +106,7 @@ def scores(folder):
 
 def pieces(folder):
     """Every finished piece with the time it was written."""
-    files = [p for room in PIECES for p in (folder / room).rglob("*") if p.is_file()]
+    files = [p for room in PIECES for p in (folder / room).rglob("*") if p.is_file() and p.name[0] != "."]
     return {p.relative_to(folder): p.stat().st_mtime_ns for p in [*files, folder / "excitation.csv"]}
 
 
@@ -305,6 +305,7 @@ def test_the_folder_is_whole(finished):
     models = {f"models/attitude/{m}/run_0{k}.json" for m in ("ssarx-n5", "arx-n2", "arx-n3") for k in range(2)}
     figures = {name for name in names if name.startswith("figures/")}
     single = {"scenario.toml", "excitation.csv", "excitation.csv.json", "certificate.json", "scores.json", "report.html"}
+    single |= {"validation_00.csv", "validation_00.csv.json"}
     assert names - figures == recordings | models | single
     assert {"figures/excitation.svg", "figures/attitude-poles.svg", "figures/attitude-bode.svg"} <= figures
     assert all((folder / name).read_text().startswith("<svg") for name in figures)
@@ -560,3 +561,18 @@ def test_second_run_is_refused_while_the_first_goes_on_and_ctrl_c_stops_it(tmp_p
     before = pieces(tmp_path / "out")
     assert run(tmp_path / "out", LONG, runs=1)["settings"]["attitude"]["ranking"]
     assert_kept(before, tmp_path / "out")
+
+
+def test_parts_play_one_after_the_other_with_rest_between(tmp_path):
+    parts = [
+        {"kind": "multistep", "form": "doublet", "dt": 0.004, "unit_s": 0.4, "amplitude": 2.0, "rest_s": 0.5},
+        {"kind": "prbs", "order": 5, "dt": 0.004, "hold": 25, "amplitude": 2.0},
+    ]
+    scenario = load_scenario(str(write(tmp_path, {"excitation": parts})))
+    signal = scenario.design(scenario.seed)
+    doublets = len(signal.u) - 125 - 31 * 25
+    assert doublets > 0 and not signal.u[doublets : doublets + 125].any()
+    assert (np.abs(signal.u[-31 * 25 :]) == 2.0).all() and signal.recipe["kind"] == "in_sequence"
+    unknown = write(tmp_path, {"excitation": [parts[0] | {"unit_ms": 3}]})
+    with pytest.raises(ExciteError, match=r"short\.toml: excitation\[0\]\.unit_ms: unknown key for a multistep; did you mean"):
+        load_scenario(str(unknown))

@@ -221,7 +221,7 @@ def optimise(
     pool = schroeder(lines, np.abs(np.atleast_2d(weights)[0]))[None]  # what a time limit of no time returns
     values, made, rounds, took = crest_factor(lines, weights, pool, POLISH_GRID).max(1), 0, 0, 0.0
     unpolished = np.inf  # only what is near the best before polishing is worth the linear programs
-    while made < starts and (not rounds or perf_counter() + took < deadline):
+    while made < starts and (not rounds or perf_counter() + took / 2 < deadline):
         round_began, size = perf_counter(), int(min(batch, starts - made))
         hop = rounds % 2 == 1 or (rounds == 0 and initial is not None)
         if hop:

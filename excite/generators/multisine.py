@@ -144,16 +144,16 @@ def multisine(
 
     report = _report(numbers, amplitudes, angles, mixing, model, size, dt)
     recipe = {
-        "kind": "multisine", "dt": dt, "period_s": float(period_s), "band_hz": _plain(band_hz), "spacing": spacing,
-        "count": count, "lines": _plain(lines), "spectrum": None if spectrum is None else shape.tolist(),
-        "amplitude": levels, "phases": phases if isinstance(phases, str) else _plain(phases),
+        "kind": "multisine", "dt": dt, "period_s": float(period_s), "band_hz": band_hz, "spacing": spacing,
+        "count": count, "lines": lines, "spectrum": None if spectrum is None else shape.tolist(),
+        "amplitude": levels, "phases": phases,
         "channels": [str(c) for c in names], "orthogonal": orthogonal, "periods": periods, "zero_start": bool(zero_start),
         "model": None if model is None else {k: getattr(model, k).tolist() for k in "ABCD"}, "crest_target": crest_target,
-        "starts": starts, "time_limit_s": time_limit_s, "seed": seed, "decided": _plain(decided),
+        "starts": starts, "time_limit_s": time_limit_s, "seed": seed, "decided": decided,
         "period_samples": size, "experiments": len(mixing), **report,
         "warnings": _warnings(decided, report, crest_target, len(mixing), periods, count),
     }  # fmt: skip
-    return Signal(u, dt, names, size * (periods * len(mixing) if len(mixing) > 1 else 1), recipe)
+    return Signal(u, dt, names, size * (periods * len(mixing) if len(mixing) > 1 else 1), _plain(recipe))
 
 
 def _design(

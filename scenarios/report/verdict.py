@@ -51,7 +51,7 @@ def summary(result: RunResult) -> list[str]:
     """Return what was designed and flown, a verdict for each setting, and how the expectations came out."""
     scenario, signal = result.scenario, result.signal
     period = f" (period {signal.period * signal.dt:.4g} s)" if signal.period else ""
-    kind = scenario.excitation.get("kind", "signal")
+    kind = signal.recipe.get("kind", "signal")
     paragraphs = [
         f"A {kind} of {signal.duration_s:.4g} s on {_count(signal.u.shape[1], 'channel')}{period} was designed and "
         f"played on {scenario.plant.name} at its injection point {scenario.inject}: "
