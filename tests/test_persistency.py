@@ -261,7 +261,7 @@ def test_verdicts_refuse_what_is_necessary_and_warn_of_what_would_suffice():
     assert faint.ok and "only order 1 stands above the noise floor (given)" in faint.text
 
 
-def test_a_million_samples_of_order_two_hundred_cost_a_fraction_of_an_explicit_factorisation():
+def test_the_structured_factor_costs_a_fraction_of_an_explicit_one():
     u = np.random.default_rng(7).standard_normal((200_000, 1))
     begin = time.process_time()
     factor = hankel_factor([u], 100)
