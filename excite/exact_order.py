@@ -130,6 +130,8 @@ def order_of_recurrence(segments: Sequence[np.ndarray], most: int) -> ExactOrder
     segments = [w for w in segments if len(w) >= most]
     if not segments:
         return None
+    if not all(np.any([w.any(0) for w in segments], axis=0)):
+        return ExactOrder(0, True, 0)  # a silent channel excites nothing
     if len(segments) == 1:
         rows = (len(segments[0]) + 1) // (nu + 1)
     else:  # no record may be too short for a column: its samples would escape the verdict

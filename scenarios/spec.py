@@ -4,7 +4,7 @@ import inspect
 import operator
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -93,15 +93,8 @@ class Scenario:
     file: str = "scenario"
 
     def design(self, seed: int) -> Signal:
-        """Return the excitation for a realisation seed; several parts play one after the other."""
-        channels = [str(c) for c in self.plant.injections[self.inject].channels]
-        parts = []
-        for i, part in enumerate(self.excitation):
-            given = {k: v for k, v in part.items() if k not in ("kind", "rest_s")}
-            parts.append(GENERATORS[part["kind"]](**given, channels=channels, seed=seed + i))
-            if part.get("rest_s"):
-                parts.append(rest(dt=parts[-1].dt, duration_s=part["rest_s"], channels=channels))
-        return parts[0] if len(parts) == 1 else in_sequence(parts)
+        """Return the excitation for a realisation seed."""
+        return play(self.excitation, [str(c) for c in self.plant.injections[self.inject].channels], seed)
 
 
 def shipped() -> dict[str, Path]:
@@ -159,7 +152,7 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
         raise ExciteError(f"{table.place}inject: '{inject}'; {did_you_mean(inject, plant.injections)}")
     table.done()
 
-    excitation = _excitation(top)
+    excitation = read_excitation(top)
 
     table = top.table("data")
     estimation_runs = table.take("estimation_runs", int, 1, at_least(1))
@@ -224,7 +217,18 @@ def check_limits(scenario: Scenario, signal: Signal, place: str) -> None:
             )
 
 
-def _excitation(top: TomlTable) -> tuple[dict[str, Any], ...]:
+def play(parts: Sequence[Mapping[str, Any]], channels: list[str] | int, seed: int) -> Signal:
+    """Return the signal of one part, or of several one after the other with their rests."""
+    signals = []
+    for i, part in enumerate(parts):
+        given = {k: v for k, v in part.items() if k not in ("kind", "rest_s")}
+        signals.append(GENERATORS[part["kind"]](**given, channels=channels, seed=seed + i))
+        if part["rest_s"]:
+            signals.append(rest(dt=signals[-1].dt, duration_s=part["rest_s"], channels=channels))
+    return signals[0] if len(signals) == 1 else in_sequence(signals)
+
+
+def read_excitation(top: TomlTable) -> tuple[dict[str, Any], ...]:
     """Read [excitation], or the parts of [[excitation]], each of which may end with a rest of rest_s."""
     several = isinstance(top.values.get("excitation"), list)
     tables = top.tables("excitation") if several else [top.table("excitation")]

@@ -108,7 +108,7 @@ def test_top_level_help_lists_every_command_and_exit_code():
 
 
 def test_design_offers_every_parameter_of_the_generator():
-    assert set(cli.get_command(None, "design").list_commands(None)) == {*GENERATORS, "propose"}
+    assert set(cli.get_command(None, "design").list_commands(None)) == {*GENERATORS, "parts", "propose"}
     _, out, _ = excite("design", "prbs", "--help")
     assert "degree n, 2 to 32" in out and "[default: 1.0]" in out and "--duration-s" in out
 

@@ -281,6 +281,7 @@ def test_hdf5_reads_nothing_but_plain_numbers_of_its_own(tmp_path):
 
 def test_unknown_extensions(tmp_path):
     for name in ("f.xyz", "f"):
+        (tmp_path / name).write_text("1 2\n")
         with pytest.raises(
             ExciteError, match=r"is not known; known: .arb, .bin, .csv, .dat, .h, .h5, .hdf5, .mat, .npz, "
         ):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from excite.errors import DesignRefused, ExciteError
-from excite.generators.prbs import prbs
+from excite.generators import GENERATORS, prbs, regenerate
 from excite.limits import Limits, OutputLimit, check
 from excite.nearest import Bounds, nearest
 from excite.persistency import certify
@@ -262,3 +262,11 @@ def test_limits_that_leave_nothing_refuse_the_design():
         shape(multisine(), Limits(move=1e-7))
     with pytest.raises(ExciteError, match=r"band_hz \(80, 90\) lies above the Nyquist"):
         shape(multisine(), Limits(amplitude=1.0), band_hz=(80, 90))
+
+
+def test_a_shaped_signal_is_regenerated_from_its_recipe():
+    signal = GENERATORS["multisine"](dt=0.01, period_s=2.0, band_hz=[0.5, 10.0], amplitude=6.0, phases="schroeder", periods=2)
+    shaped = shape(signal, Limits(amplitude=4.0, rate=100.0, bits=12, range=(-5.0, 5.0))).signal
+    assert not np.array_equal(shaped.u, signal.u)
+    again = regenerate(json.loads(json.dumps(dict(shaped.recipe))))
+    assert again.u.tobytes() == shaped.u.tobytes() and dict(again.recipe) == dict(shaped.recipe)

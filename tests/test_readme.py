@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from identify.checks import example
@@ -38,7 +39,7 @@ def test_every_command_is_documented_and_every_documented_command_exists():
 def test_the_identify_example_runs_on_a_file_of_that_form(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     data, _ = example()
-    (tmp_path / "dryer.dat").write_text("\n".join(f" {u!r} {y!r}" for u, y in zip(data.u[:, 0].tolist(), data.y[:, 0].tolist(), strict=True)))
+    np.savetxt(tmp_path / "dryer.dat", np.column_stack([data.u[:, 0], data.y[:, 0]]))
     (line,) = (b for b in blocks("bash") if b.startswith("excite identify"))
     assert status(line.split()[1:]) == 0
     assert "po_moesp, order 4, dt 0.08 s" in capsys.readouterr().out

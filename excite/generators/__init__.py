@@ -10,6 +10,8 @@ from excite.generators.multistep import log_times, multistep
 from excite.generators.noise import noise
 from excite.generators.prbs import prbs
 from excite.generators.sweep import sweep
+from excite.limits import Limits
+from excite.shaping import shape
 from excite.types.signal import Signal
 
 GENERATORS: dict[str, Callable[..., Signal]] = {
@@ -37,7 +39,7 @@ __all__ = [
 
 
 def regenerate(recipe: Mapping) -> Signal:
-    """Return the signal that a recipe describes, bit for bit; the recipes inside a composition first.
+    """Return the signal that a recipe describes, bit for bit; the recipes inside a composition first, shaping last.
 
     A parameter that the recipe does not name, because it was written before there was one, keeps its default. Raises
     ExciteError when the recipe's kind is unknown, or a parameter without default is missing.
@@ -52,7 +54,10 @@ def regenerate(recipe: Mapping) -> Signal:
     given = {p.name: recipe[p.name] for p in parameters if p.name in recipe}
     for name in {"signals", "signal"} & given.keys():
         given[name] = _parts(given[name], f"recipe: {name}")
-    return known[kind](**given)
+    signal, shaped = known[kind](**given), recipe.get("shaped")
+    if shaped is None:
+        return signal
+    return shape(signal, Limits.from_dict(shaped["limits"]), shaped.get("band_hz")).signal
 
 
 def _parts(recipes: Mapping | Sequence[Mapping], place: str) -> Signal | list[Signal]:

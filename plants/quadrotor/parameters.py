@@ -135,7 +135,7 @@ def noise_levels(noise: bool | Mapping[str, float]) -> dict[str, float]:
         if levels[name] < 0:
             raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; a standard deviation is at least zero")
         if levels[name] > MOST_NOISE:
-            raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; no such vehicle flies, give at most {MOST_NOISE:g}")
+            raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; nothing flies so, give at most {MOST_NOISE:g}")
     return levels
 
 

@@ -7,12 +7,14 @@ from collections.abc import Callable
 import click
 
 from excite import files
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError, did_you_mean, placed
 from excite.generators import GENERATORS
 from excite.proposal import KINDS, Knowledge, knowledge_of
 from excite.proposal import propose as propose_design
 from scenarios.cli.common import json_option, new_file, print_json, print_lines, toml_value
-from scenarios.cli.playing import Played, limits_option, plot_later, plot_option, prepare
+from scenarios.cli.playing import Played, limits_option, plot_later, plot_option, prepare, read_toml
+from scenarios.spec import play, read_excitation
+from scenarios.toml_table import TomlTable, at_least
 
 
 class Generators(click.Group):
@@ -20,14 +22,14 @@ class Generators(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all generators."""
-        return [*sorted(GENERATORS), "propose"]
+        return [*sorted(GENERATORS), *OTHERS]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Return the command that plays one generator."""
-        if name == "propose":
-            return propose
+        if name in OTHERS:
+            return OTHERS[name]
         if name not in GENERATORS:
-            raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, [*GENERATORS, 'propose'])}", ctx)
+            raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, [*GENERATORS, *OTHERS])}", ctx)
         command = click.Command(name, callback=_play(name), help=inspect.getdoc(GENERATORS[name]).splitlines()[0])
         documented = documentation(GENERATORS[name])
         for parameter in inspect.signature(GENERATORS[name]).parameters.values():
@@ -106,6 +108,31 @@ def propose(
     more = {"kind": kind, "parameters": proposal.parameters, "reasons": proposal.reasons, "warnings": proposal.warnings}
     _write(out, prepare(GENERATORS[kind](**proposal.parameters), None), as_json, {"proposal": more}, lines)
     return 0
+
+
+@click.command()
+@click.argument("file", type=click.Path())
+@click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
+@click.option("--block-rows", type=click.IntRange(1), default=20, show_default=True, help="Order to certify.")
+@limits_option
+@plot_option
+@json_option
+def parts(file: str, out: str, block_rows: int, limits: str | None, plot: str | None, as_json: bool) -> int:
+    """Play the [[excitation]] parts of a TOML file one after the other, each with its rest (rest_s)."""
+    new_file(out, file)
+    draw = plot_later(plot)
+    top = TomlTable(read_toml(file), f"{file}: ")
+    channels, seed = top.take("channels", (int, list), 1), top.take("seed", int, 0, at_least(0))
+    chosen = read_excitation(top)
+    top.done()
+    with placed(file):
+        signal = play(chosen, channels, seed)
+    _write(out, prepare(signal, limits, block_rows), as_json, {}, [])
+    draw(files.load_signal(out), limits)
+    return 0
+
+
+OTHERS = {"parts": parts, "propose": propose}
 
 
 def _short(value: object) -> str:

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
-from excite.errors import DesignRefused, ExciteError
-from excite.limits import Limits
+from excite import files
+from excite.errors import DesignRefused, ExciteError, placed
+from excite.limits import Limits, check
 from excite.persistency import Certificate, certify
 from excite.shaping import Shaped, shape
 from excite.types.signal import Signal
@@ -22,18 +23,33 @@ plot_option = click.option(
 )
 
 
-def read_limits(path: str) -> Limits:
-    """Read a TOML file with the fields of `excite.limits.Limits`."""
+def read_toml(path: str) -> dict:
+    """Read a TOML file."""
     try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ExciteError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ExciteError(f"{path}: not a valid TOML file ({error}); mend it at that place") from None
-    try:
+
+
+def read_limits(path: str) -> Limits:
+    """Read a TOML file with the fields of `excite.limits.Limits`."""
+    table = read_toml(path)
+    with placed(path):
         return Limits.from_dict(table)
-    except ExciteError as error:
-        raise ExciteError(f"{path}: {error}") from None
+
+
+def refuse_rounded_excess(signal: Signal, limits: str | None, fmt: str) -> None:
+    """Refuse an export whose own rounding leaves a limit; a converter with its bits given rounds back to the signal."""
+    quantise = files.FORMATS[fmt].quantise if fmt in files.FORMATS else None
+    if limits is None or quantise is None or read_limits(limits).bits is not None:
+        return
+    report = check(quantise(signal), read_limits(limits))
+    if not report.ok:
+        raise DesignRefused(
+            f"{limits}: as {fmt} rounds it, {'; '.join(map(str, report.exceeded))}; lower that limit by as much, or give bits"
+        )
 
 
 @dataclass(frozen=True)

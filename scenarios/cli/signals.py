@@ -22,7 +22,7 @@ from scenarios.cli.common import (
     print_lines,
     read_experiment,
 )
-from scenarios.cli.playing import limits_option, plot_later, plot_option, prepare, read_limits
+from scenarios.cli.playing import limits_option, plot_later, plot_option, prepare, read_limits, refuse_rounded_excess
 
 WRITABLE = {name: given.extensions for name, given in files.FORMATS.items() if given.write}
 
@@ -113,6 +113,7 @@ def export(
         raise ExciteError(f"-o {out}: extension '{extension}' says {owners[0]}, but --to says {fmt}; make them agree")
     draw = plot_later(plot)
     played = prepare(files.load_signal(file, columns(inputs), dt=dt, time=one_column(time)), limits)
+    refuse_rounded_excess(played.signal, limits, fmt)
     paths = files.export(played.signal, fmt, out, certificate=played.certificate.to_dict())
     draw(played.signal, limits)
     if as_json:
