@@ -12,11 +12,11 @@ from identify.ground.kalman import state_regression
 from identify.ground.shift_invariance import shift_invariance
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import SubspaceMethod
+from identify.subspace.subspace_method import TwoHorizonMethod
 
 
 @dataclass(frozen=True)
-class Iem(SubspaceMethod):
+class Iem(TwoHorizonMethod):
     """Innovation estimation (Qin and Ljung 2003), seed 000 section 3.2.
 
     Row by row, Y_fi = Gamma_fi L_p Z_p + H_fi U_(i-1) + G_fi E_(i-1) + E_fi by least squares (3.31), each residual E_fi
@@ -31,13 +31,7 @@ class Iem(SubspaceMethod):
     summary: ClassVar[str] = "innovation estimation; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    past: int = 20
-    future: int = 20
     feedthrough: bool = False
-
-    def horizons(self) -> tuple[int, int]:
-        """(past, future)."""
-        return self.past, self.future
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""

@@ -12,13 +12,13 @@ from identify.ground.compression import PastFuture, lq, orthonormal, regress
 from identify.ground.kalman import state_regression
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import SubspaceMethod
+from identify.subspace.subspace_method import TwoHorizonMethod
 
 WEIGHTS = ("n4sid", "moesp", "cva")
 
 
 @dataclass(frozen=True)
-class N4sid(SubspaceMethod):
+class N4sid(TwoHorizonMethod):
     """N4SID with the weights of the unifying theorem (Van Overschee and De Moor 1994, 1995; seed 000 chapter 3).
 
     O = Y_f /_(U_f) Z_p is the part of the future outputs that the past explains along the future inputs; the SVD of
@@ -32,8 +32,6 @@ class N4sid(SubspaceMethod):
     summary: ClassVar[str] = "oblique projection with the weights of the unifying theorem; open loop"
     closed_loop: ClassVar[bool] = False
 
-    past: int = 20
-    future: int = 20
     weight: str = "n4sid"
     feedthrough: bool = True
 
@@ -41,10 +39,6 @@ class N4sid(SubspaceMethod):
         super().__post_init__()
         if self.weight not in WEIGHTS:
             raise ExciteError(f"{self.name}.weight: {self.weight!r}; {did_you_mean(str(self.weight), WEIGHTS)}")
-
-    def horizons(self) -> tuple[int, int]:
-        """(past, future)."""
-        return self.past, self.future
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""

@@ -11,11 +11,11 @@ from identify.ground.compression import PastFuture, regress
 from identify.ground.kalman import state_regression
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import SubspaceMethod
+from identify.subspace.subspace_method import TwoHorizonMethod
 
 
 @dataclass(frozen=True)
-class ParsimK(SubspaceMethod):
+class ParsimK(TwoHorizonMethod):
     """Parsimonious subspace identification in predictor form (Pannocchia and Calosi 2010).
 
     Row i of the future, Y_i = C Ak^(i-1) L_p Z_p + sum_(k<i) C Ak^(i-1-k) [B - K D, K] [U_k; Y_k] + E_i, holds one block of
@@ -29,13 +29,7 @@ class ParsimK(SubspaceMethod):
     summary: ClassVar[str] = "parsimonious predictor form; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    past: int = 20
-    future: int = 20
     feedthrough: bool = False
-
-    def horizons(self) -> tuple[int, int]:
-        """(past, future)."""
-        return self.past, self.future
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""

@@ -11,11 +11,11 @@ from identify.ground.compression import PastFuture, regress
 from identify.ground.kalman import state_regression
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import SubspaceMethod
+from identify.subspace.subspace_method import TwoHorizonMethod
 
 
 @dataclass(frozen=True)
-class Pbsid(SubspaceMethod):
+class Pbsid(TwoHorizonMethod):
     """Optimised predictor-based subspace identification (Chiuso and Picci 2005, Chiuso 2007), the whitening filter's heir.
 
     The coefficients of a high-order ARX model are C Ak^(i-1) [B - K D, K]; shifted to the past one block a row and
@@ -29,13 +29,7 @@ class Pbsid(SubspaceMethod):
     summary: ClassVar[str] = "optimised predictor-based subspace identification; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    past: int = 20
-    future: int = 20
     feedthrough: bool = False
-
-    def horizons(self) -> tuple[int, int]:
-        """(past, future); only one block row of the future is compressed beyond the past."""
-        return self.past, self.future
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""

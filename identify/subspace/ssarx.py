@@ -11,11 +11,11 @@ from identify.ground.compression import PastFuture, orthonormal, regress
 from identify.ground.kalman import state_regression
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import SubspaceMethod
+from identify.subspace.subspace_method import TwoHorizonMethod
 
 
 @dataclass(frozen=True)
-class Ssarx(SubspaceMethod):
+class Ssarx(TwoHorizonMethod):
     """SSARX (Jansson 2003): a high-order ARX model, then canonical correlations of future and past.
 
     The ARX coefficients are the predictor's Markov parameters C Ak^(i-1) [B - K D, K]; their Toeplitz products with
@@ -30,13 +30,7 @@ class Ssarx(SubspaceMethod):
     summary: ClassVar[str] = "state-space ARX with canonical correlations; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    past: int = 20
-    future: int = 20
     feedthrough: bool = False
-
-    def horizons(self) -> tuple[int, int]:
-        """(past, future)."""
-        return self.past, self.future
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""

@@ -13,11 +13,11 @@ from identify.ground.kalman import spectral_radius
 from identify.ground.realization import hankel_of, kung
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import SubspaceMethod
+from identify.subspace.subspace_method import TwoHorizonMethod
 
 
 @dataclass(frozen=True)
-class Ssinnov1(SubspaceMethod):
+class Ssinnov1(TwoHorizonMethod):
     """Innovation-based identification (Mercère, Markovsky and Ramos 2016; seed 003, section IV).
 
     The residual of a high-order ARX model estimates the innovations E_f. With the past projected out, the future obeys
@@ -36,14 +36,8 @@ class Ssinnov1(SubspaceMethod):
     summary: ClassVar[str] = "innovation estimation and structured least squares; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    past: int = 20
-    future: int = 20
     feedthrough: bool = False
     stability_guard: bool = True
-
-    def horizons(self) -> tuple[int, int]:
-        """Past, and future: the innovations of the future need the past of every future sample."""
-        return self.past, self.future
 
     def largest_order(self, data: object) -> int:
         """Block rows of the Hankel matrix of future - 1 Markov parameters, less one for the shift."""

@@ -53,3 +53,15 @@ class SubspaceMethod(Method):
     def prepare(self, data: Data) -> PastFuture:
         """Compress past + future block rows of [u; y]."""
         return compress(experiments(data), *self.horizons())
+
+
+@dataclass(frozen=True)
+class TwoHorizonMethod(SubspaceMethod):
+    """A method with a past horizon p and a future horizon f, in samples."""
+
+    past: int = 20
+    future: int = 20
+
+    def horizons(self) -> tuple[int, int]:
+        """(past, future)."""
+        return self.past, self.future

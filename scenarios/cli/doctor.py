@@ -10,7 +10,7 @@ from scenarios.cli.common import print_lines
 
 OURS = ("excite", "plants", "identify", "scenarios")
 CLASHING = ("identify", "scenarios")  # distributions on PyPI that install packages of our names
-NEEDED = ("numpy", "scipy", "control", "mujoco", "matplotlib", "click", "filelock", "tomli-w")
+NEEDED = ("numpy", "scipy", "control", "mujoco", "matplotlib", "osqp", "h5py", "click", "filelock", "tomli-w")
 
 
 @click.command()
