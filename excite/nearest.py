@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import osqp
 from scipy import sparse
 from scipy.signal import firwin
 
@@ -70,10 +71,6 @@ def nearest(target: np.ndarray, bounds: Bounds, band: tuple[float, float] | None
 def _solve(
     target: np.ndarray, bounds: Bounds, band: tuple[float, float] | None, margin: np.ndarray | None
 ) -> np.ndarray:
-    try:
-        import osqp
-    except ImportError as error:
-        raise ExciteError("shape: these limits need a quadratic program; install osqp (pip install osqp)") from error
     n, nu = target.shape
     scale = np.abs(target - target.mean(0)).max(0)
     scale = np.where(scale > 0, scale, 1.0)
