@@ -52,16 +52,18 @@ class Method(ABC):
 
     def unsupported(self, data: Data) -> str | None:
         """Return why this method cannot take the data, or None."""
-        for experiment in experiments(data):
+        data = experiments(data)
+        for k, experiment in enumerate(data):
+            record = f"record {k}: " if len(data) > 1 else ""
             if experiment.dt is None:
-                return "sampling is not uniform, and this method needs one sampling time; resample the record"
+                return f"{record}sampling is not uniform, and this method needs one sampling time; resample the record"
             for key, channels in (("u", experiment.inputs), ("y", experiment.outputs)):
                 values = getattr(experiment, key)
                 missing = np.isnan(values)
                 if missing.any():
                     row, column = np.argwhere(missing)[0]
                     return (
-                        f"sample {row} of channel '{channels[column].name}' is missing (NaN), {missing.sum()} in all; "
+                        f"{record}sample {row} of channel '{channels[column].name}' is missing (NaN), {missing.sum()} in all; "
                         "fill them or give the gap-free parts as separate records"
                     )
         return None

@@ -194,3 +194,11 @@ def test_records_must_be_of_one_kind():
         fit((data, Experiment(data.u, data.y, dt=0.2)), "arx", 2)
     with pytest.raises(Unsupported, match="not uniform"):
         fit(Experiment([1, 2, 3], [1, 2, 3], time_s=[0, 1, 5]), "arx", 1)
+
+
+def test_of_several_records_the_one_with_a_gap_is_named():
+    data, _ = example()
+    y = data.y.copy()
+    y[3, 0] = np.nan
+    with pytest.raises(Unsupported, match="record 1: sample 3 of channel 'y1' is missing"):
+        fit((data, Experiment(data.u, y, dt=data.dt)), "arx", 2)
