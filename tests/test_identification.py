@@ -1,6 +1,5 @@
 """Identification against independent sources: peers' printed results, theory, and the cases behind the figures."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -26,13 +25,6 @@ def shared(*parts):
     if not path.exists():
         pytest.skip(f"../shared/{'/'.join(parts)} is not there")
     return path
-
-
-def cases():
-    spec = importlib.util.spec_from_file_location("cases", shared("cases", "cases.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def pole_error(true, found):
@@ -103,9 +95,8 @@ def test_closed_loop_error_falls_with_the_root_of_the_record(method):
     assert errors["po_moesp"][-1] > 0.6 * errors["po_moesp"][0] and errors["po_moesp"][-1] > 3 * errors[method][-1]
 
 
-def test_the_example_loop_is_the_printed_one():
-    module = cases()
-    u, y, *_ = module.mercere_closed(3, 500)
+def test_the_example_loop_is_the_printed_one(cases):
+    u, y, *_ = cases.mercere_closed(3, 500)
     ours, truth = closed_loop(500, 3)
     impulse = truth.impulse(4)[:, 0, 0]
     np.testing.assert_allclose(impulse, [0, 1, 2, 2.3])
@@ -113,9 +104,9 @@ def test_the_example_loop_is_the_printed_one():
     assert 0 < theirs < 0.15 and impulse_error(fit(ours, "ssarx", 4).model, truth) < 0.15
 
 
-def test_innovations_and_gain_of_the_open_loop_example():
+def test_innovations_and_gain_of_the_open_loop_example(cases):
     """Seed 003 V-A: A .749, K -.058, R 6.705; estimates within a few standard deviations of the Cramér-Rao bound."""
-    u, y, _ = cases().mercere_open(0, 20_000)
+    u, y, _ = cases.mercere_open(0, 20_000)
     for name in ("ssarx", "iem"):
         model = fit(Experiment(u, y, dt=1.0), name, 1, feedthrough=True).model
         assert model.A[0, 0] == pytest.approx(0.749, abs=0.015)
@@ -124,21 +115,20 @@ def test_innovations_and_gain_of_the_open_loop_example():
         assert model.D[0, 0] == pytest.approx(-2.0895, abs=0.1)
 
 
-def test_iem_beats_po_moesp_on_an_integrating_loop():
-    module, true = cases(), np.array([1, 1, 0.96**5])
+def test_iem_beats_po_moesp_on_an_integrating_loop(cases):
+    true = np.array([1, 1, 0.96**5])
     errors = {"iem": [], "po_moesp": []}
     for seed in range(3):
-        u, y, r = module.integrating_loop(seed, 32_000)
+        u, y, r = cases.integrating_loop(seed, 32_000)
         data = Experiment(u, y, dt=0.01, reference=r, loop=Loop(closed=True))
         for name in errors:
             errors[name].append(pole_error(true, fit(data, name, 3).model.poles()))
     assert np.median(errors["iem"]) < np.median(errors["po_moesp"]) / 3, errors
 
 
-def test_low_pass_data_take_the_qr_path():
-    module = cases()
-    system = module.w1_to_w4()["W1"][:4]
-    u, y, fresh, clean = module.w6(system)
+def test_low_pass_data_take_the_qr_path(cases):
+    system = cases.w1_to_w4()["W1"][:4]
+    u, y, fresh, clean = cases.w6(system)
     estimate = fit(Experiment(u, y, dt=1.0), "po_moesp", 4, block_rows=20)
     assert estimate.path == "blocked-qr" and estimate.condition > 1e6 and estimate.status is not Status.UNSTABLE
     assert pole_error(np.linalg.eigvals(system[0]), estimate.model.poles()) < 0.01

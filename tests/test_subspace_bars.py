@@ -3,9 +3,6 @@
 The bounds are those that small independent prototypes and the Cramér-Rao bound give for the same runs, seeds 0 to 99.
 """
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
@@ -17,18 +14,7 @@ from identify.checks import closed_loop
 from identify.method import fit
 from identify.metrics import impulse_error
 
-CASES = Path(__file__).parents[2] / "shared" / "cases" / "cases.py"
 RUNS = range(100)
-
-
-@pytest.fixture(scope="module")
-def cases():
-    if not CASES.exists():
-        pytest.skip("../shared/cases/cases.py is not there")
-    spec = importlib.util.spec_from_file_location("cases", CASES)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")

@@ -78,13 +78,19 @@ def status(argv: list[str] | None = None) -> int:
     except (KeyboardInterrupt, click.Abort):
         click.echo("excite: interrupted", err=True)
         return INTERRUPTED
-    except Exception as error:
-        if isinstance(error, OSError) and error.filename is None:  # an open stream, not a path: that is the output
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            if isinstance(error, BrokenPipeError):  # the reader has seen enough
-                return 0
-            click.echo(f"excite: the output cannot be written ({error.strerror}); send it elsewhere", err=True)
-            return ExciteError.exit_code
-        traceback.print_exc()
-        click.echo("excite: this is a bug; please report it with the lines above", err=True)
-        return BUG
+    except OSError as error:
+        if error.filename is not None:  # a path, not the open stream of the output: that should have been met earlier
+            return _bug()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+            return 0
+        click.echo(f"excite: the output cannot be written ({error.strerror}); send it elsewhere", err=True)
+        return ExciteError.exit_code
+    except Exception:
+        return _bug()
+
+
+def _bug() -> int:
+    traceback.print_exc()
+    click.echo("excite: this is a bug; please report it with the lines above", err=True)
+    return BUG

@@ -1,6 +1,5 @@
 """Bits of a maximum-length sequence: time of excite and of SciPy, side by side in one run (`-m bench -s`)."""
 
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -12,16 +11,7 @@ from excite.generators.prbs import TAPS
 pytestmark = pytest.mark.bench
 
 
-def fastest(repeats, run):
-    times = []
-    for _ in range(repeats):
-        start = perf_counter()
-        result = run()
-        times.append(perf_counter() - start)
-    return min(times), result
-
-
-def test_sequences():
+def test_sequences(fastest):
     print("\n order      chips   excite ms    scipy ms   ratio   prbs() ms")
     for order in (10, 14, 18, 20, 22, 24):
         length = 2**order - 1
@@ -33,7 +23,7 @@ def test_sequences():
     assert theirs >= 10 * ours
 
 
-def test_choosing_different_sequences():
+def test_choosing_different_sequences(fastest):
     print("\n order  channels   seconds   cross-correlation x M")
     for order, count in ((10, 3), (14, 3), (16, 3), (18, 2), (20, 2)):
         lfsr.least_correlated.cache_clear()
