@@ -47,7 +47,7 @@ def check_named_and_described(plant: Plant, inject: str) -> None:
     assert len(place.limits) == len(place.channels) and all(low < high for low, high in place.limits)
     for name, parameter in {**plant.parameters, **plant.noise_sources}.items():
         assert parameter.unit and parameter.source, name
-    for name in plant.settings:
+    for name in place.settings:
         experiment = recording.experiment(name)
         truth = plant.truth(recording, name)
         assert tuple(truth.model.inputs) == experiment.inputs and tuple(truth.model.outputs) == experiment.outputs
@@ -73,7 +73,7 @@ def check_limits(plant: Plant, inject: str) -> None:
 def check_truth(plant: Plant, inject: str) -> None:
     """Noise-free and small, a run follows the truth of every setting within 2 % of each output's excursion."""
     recording = _run(plant, inject, noise=False)
-    for name in plant.settings:
+    for name in plant.injections[inject].settings:
         experiment, truth = recording.experiment(name), plant.truth(recording, name)
         error = experiment.y - truth.model.simulate(experiment.u)
         assert (np.abs(error).max(0) <= 0.02 * np.ptp(experiment.y, axis=0)).all(), (name, error)

@@ -1,9 +1,9 @@
 """What a plant is, and the table of all plants."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Protocol
+from typing import Any, Protocol
 
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import Channel
@@ -11,41 +11,50 @@ from excite.types.recording import Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
 
+ALLOWED = ("positive", "non-negative", "any")
+
 
 @dataclass(frozen=True)
 class Parameter:
-    """One plant parameter: value, unit, and where the number comes from ("assumption" when it is one)."""
+    """One plant parameter: value, unit, where the number comes from ("assumption" when it is one), what is allowed.
 
-    value: float
+    value : a number; a matrix as nested lists, or a text, where a plant is described by such.
+    """
+
+    value: Any
     unit: str
     source: str
+    allowed: str = "positive"
 
 
 @dataclass(frozen=True)
 class Injection:
-    """A place where an excitation signal enters: its channels, their limits (min, max) and whether it needs the loop."""
+    """A place where an excitation enters: its channels, their limits (low, high), and what can be identified from there.
+
+    settings : name -> Roles on the recording; a setting of the same name at another injection has the same truth.
+    """
 
     channels: tuple[Channel, ...]
     limits: tuple[tuple[float, float], ...]
+    settings: Mapping[str, Roles] = field(default_factory=dict)
     note: str = ""
 
 
 class Plant(Protocol):
     """A simulated plant: stateless, starts at trim, SI units or a unit in every channel.
 
-    injections : name -> Injection, the first is the default; settings : name -> Roles on the recording;
-    noise_sources : name -> Parameter (standard deviations); parameters : name -> Parameter.
+    injections : name -> Injection, the first is the default; noise_sources : name -> Parameter (standard deviations);
+    parameters : name -> Parameter.
     """
 
     name: str
     description: str
     dt: float
     injections: Mapping[str, Injection]
-    settings: Mapping[str, Roles]
     parameters: Mapping[str, Parameter]
     noise_sources: Mapping[str, Parameter]
 
-    def truth(self, recording: Recording, setting: str) -> Truth:
+    def truth(self, recording: Recording | None, setting: str) -> Truth:
         """Return the model an ideal identification of this setting would find, from the plant's equations."""
         ...
 
@@ -62,7 +71,7 @@ class Plant(Protocol):
         ...
 
 
-# One line adds a plant: name -> "module:class". The class takes (preset=..., parameters={...}) as keywords.
+# One line adds a plant: name -> "module:class". The class (or function) takes (preset=..., parameters={...}) as keywords.
 PLANTS: dict[str, str] = {
     "quadrotor": "plants.quadrotor.plant:Quadrotor",
 }
@@ -73,10 +82,17 @@ def list_plants() -> list[str]:
     return sorted(PLANTS)
 
 
-def load_plant(name: str, *, preset: str | None = None, parameters: Mapping[str, float] | None = None) -> Plant:
+def load_plant(name: str, *, preset: str | None = None, parameters: Mapping[str, Any] | None = None) -> Plant:
     """Return a plant by name, with a preset and overridden parameters."""
     if name not in PLANTS:
         raise ExciteError(f"plant '{name}' does not exist; {did_you_mean(name, PLANTS)}")
     module, kind = PLANTS[name].split(":")
     options = {"preset": preset} if preset is not None else {}
     return getattr(import_module(module), kind)(parameters=parameters or {}, **options)
+
+
+def settings_of(plant: Plant) -> dict[str, Roles]:
+    """Return all settings of a plant by name, with their roles at the first injection that knows them."""
+    places = reversed(plant.injections.values())
+    found = {name: roles for place in places for name, roles in place.settings.items()}
+    return {name: found[name] for place in plant.injections.values() for name in place.settings}

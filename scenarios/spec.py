@@ -162,7 +162,7 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
 
     settings = tuple(_setting(row, plant, inject) for row in top.tables("setting"))
     if not settings:
-        known = ", ".join(plant.settings)
+        known = ", ".join(plant.injections[inject].settings)
         raise ExciteError(f"{file}: setting: missing; give at least one [[setting]] with a name, such as {known}")
     names = [s.name for s in settings]
     for i, name_i in enumerate(names):
@@ -257,12 +257,13 @@ def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
         raise ExciteError(f'{table.place}decimate: {decimate!r}; give a whole number of at least 1, or "auto"')
     table.done()
     if not any(given.values()):
-        if name not in plant.settings:
+        known = plant.injections[inject].settings
+        if name not in known:
             raise ExciteError(
-                f"{table.place}name: '{name}' is no setting of plant {plant.name}; "
-                f"{did_you_mean(name, plant.settings)} Or give inputs and outputs."
+                f"{table.place}name: '{name}' is no setting of plant {plant.name} excited at '{inject}'; "
+                f"{did_you_mean(name, known)} Or give inputs and outputs."
             )
-        return SettingSpec(name, plant.settings[name], True, decimate)
+        return SettingSpec(name, known[name], True, decimate)
     for key in ("inputs", "outputs"):
         if not given[key]:
             raise ExciteError(f"{table.place}{key}: missing; a setting with its own roles needs inputs and outputs")
@@ -275,7 +276,7 @@ def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
         )
     # What enters the plant from outside is free of feedback; everything else in a closed loop depends on the outputs.
     outside = {c.name for c in plant.injections[inject].channels}
-    closed = any(roles.closed for roles in plant.settings.values()) and not outside.issuperset(given["inputs"])
+    closed = any(roles.closed for roles in plant.injections[inject].settings.values()) and not outside.issuperset(given["inputs"])
     return SettingSpec(name, Roles(**given, closed=closed), False, decimate)
 
 

@@ -317,7 +317,7 @@ def test_what_the_folder_holds_can_be_used_again(finished):
     scenario = load_scenario(str(folder / "scenario.toml"))
     assert np.array_equal(load_signal(folder / "excitation.csv").u, scenario.design(scenario.seed).u)
     recording = load_recording(folder / "recordings/estimation_01.npz")
-    assert recording.source["seed"] == 4 and recording.settings["attitude"] == Quadrotor.settings["attitude"]
+    assert recording.source["seed"] == 4 and recording.settings == Quadrotor.injections["attitude_setpoint"].settings
     outcome = json.loads((folder / "models/attitude/ssarx-n5/run_00.json").read_text())
     (folder / "copy.json").write_text(json.dumps(outcome["estimate"]))
     model = load_estimate(folder / "copy.json").model

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 class Experiment:
     """Input-output data of one run, without any truth inside.
 
-    u : (N, nu), what this experiment's diagram calls the plant input; y : (N, ny); NaN = missing sample;
+    u : (N, nu), what this experiment's diagram calls the plant input, None or (N, 0) when only outputs were recorded;
+    y : (N, ny); NaN = missing sample;
     dt : s (uniform sampling), or time_s : (N,) s (any sampling); reference : (N, nr) or None;
     period : samples in one period of the excitation, or None; loop : how u was made; 1-D arrays become one channel.
     """
 
-    u: np.ndarray
+    u: np.ndarray | None
     y: np.ndarray
     dt: float | None = None
     reference: np.ndarray | None = None
@@ -41,7 +42,10 @@ class Experiment:
             if key == "reference" and self.reference is None:
                 object.__setattr__(self, role, ())
                 continue
-            values = samples(getattr(self, key), f"Experiment.{key}", missing=True)
+            if key == "u" and (self.u is None or np.shape(self.u) == (len(self.y), 0)):
+                values = np.empty((len(self.y), 0))
+            else:
+                values = samples(getattr(self, key), f"Experiment.{key}", missing=True)
             object.__setattr__(self, key, values)
             object.__setattr__(self, role, channels_for(values.shape[1], getattr(self, role), prefix))
             if len(values) != len(self.u):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError
 from plants.plant import Parameter
 
 GRAVITY = 9.81  # m/s2
@@ -31,24 +31,23 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         "torque_per_thrust": Parameter(0.005964552, "m", THRUST_MAP),
         "thrust_a": Parameter(2.130295e-11, "N", THRUST_MAP),
         "thrust_b": Parameter(1.032633e-6, "N", THRUST_MAP),
-        "thrust_c": Parameter(5.48456e-4, "N", THRUST_MAP),
-        "attitude_kp": Parameter(3.5, "1/s", FIRMWARE),
-        "attitude_ki": Parameter(2.0, "1/s2", FIRMWARE),
-        "attitude_kd": Parameter(0.0, "1", FIRMWARE),
+        "thrust_c": Parameter(5.48456e-4, "N", THRUST_MAP, "non-negative"),
+        "attitude_kp": Parameter(3.5, "1/s", FIRMWARE, "non-negative"),
+        "attitude_ki": Parameter(2.0, "1/s2", FIRMWARE, "non-negative"),
+        "attitude_kd": Parameter(0.0, "1", FIRMWARE, "non-negative"),
         "attitude_integral_limit": Parameter(20.0, "deg s", FIRMWARE),
-        "rate_kp": Parameter(70.0, "s/deg", FIRMWARE),
-        "rate_ki": Parameter(0.0, "1/deg", FIRMWARE),
-        "rate_kd": Parameter(0.0, "s2/deg", FIRMWARE),
+        "rate_kp": Parameter(70.0, "s/deg", FIRMWARE, "non-negative"),
+        "rate_ki": Parameter(0.0, "1/deg", FIRMWARE, "non-negative"),
+        "rate_kd": Parameter(0.0, "s2/deg", FIRMWARE, "non-negative"),
         "rate_integral_limit": Parameter(100.0, "deg", "assumption: without effect while rate_ki is 0"),
-        "yaw_rate_kp": Parameter(50.0, "s/deg", FIRMWARE),
-        "yaw_rate_ki": Parameter(25.0, "1/deg", FIRMWARE),
-        "yaw_rate_kd": Parameter(0.0, "s2/deg", FIRMWARE),
+        "yaw_rate_kp": Parameter(50.0, "s/deg", FIRMWARE, "non-negative"),
+        "yaw_rate_ki": Parameter(25.0, "1/deg", FIRMWARE, "non-negative"),
+        "yaw_rate_kd": Parameter(0.0, "s2/deg", FIRMWARE, "non-negative"),
         "yaw_rate_integral_limit": Parameter(500.0, "deg", FIRMWARE),
-        "altitude_kp": Parameter(4.0, "1/s2", "assumption: altitude hold of 2 rad/s, critically damped"),
-        "altitude_kd": Parameter(4.0, "1/s", "assumption: altitude hold of 2 rad/s, critically damped"),
+        "altitude_kp": Parameter(4.0, "1/s2", "assumption: altitude hold of 2 rad/s, critically damped", "non-negative"),
+        "altitude_kd": Parameter(4.0, "1/s", "assumption: altitude hold of 2 rad/s, critically damped", "non-negative"),
     },
 }
-MAY_BE_ZERO = ("_kp", "_ki", "_kd", "thrust_c")
 
 NOISE_SOURCES: dict[str, Parameter] = {
     "thrust": Parameter(
@@ -98,50 +97,3 @@ def hover_command(values: Mapping[str, float]) -> float:
             f"{least:.4g} to {most:.4g} N; change mass, or thrust_a, thrust_b and thrust_c"
         )
     return motor.command(needed)
-
-
-def resolve(preset: str, overrides: Mapping[str, float]) -> dict[str, Parameter]:
-    """Return a preset's parameters with some values overridden; zero is allowed for gains and thrust_c only."""
-    if preset not in PRESETS:
-        raise ExciteError(f"quadrotor: preset '{preset}' does not exist; {did_you_mean(preset, PRESETS)}")
-    parameters = dict(PRESETS[preset])
-    for name, value in overrides.items():
-        place = f"quadrotor parameter '{name}'"
-        if name not in parameters:
-            raise ExciteError(f"{place} does not exist; {did_you_mean(name, parameters)}")
-        number = _number(value, place)
-        if number < 0 or (number == 0 and not name.endswith(MAY_BE_ZERO)):
-            least = "at least zero" if name.endswith(MAY_BE_ZERO) else "positive"
-            raise ExciteError(f"{place}: {value!r} {parameters[name].unit}; it must be {least}")
-        parameters[name] = Parameter(number, parameters[name].unit, "override")
-    return parameters
-
-
-MOST_NOISE = 1e3  # in any unit: far beyond what flies, and within what the simulator can still integrate
-
-
-def noise_levels(noise: bool | Mapping[str, float]) -> dict[str, float]:
-    """Return every source's standard deviation: the defaults (True), zeros (False), or defaults with some changed."""
-    levels = {name: parameter.value for name, parameter in NOISE_SOURCES.items()}
-    if isinstance(noise, bool):
-        return levels if noise else dict.fromkeys(levels, 0.0)
-    if not isinstance(noise, Mapping):
-        raise ExciteError(f"quadrotor noise: {noise!r}; give true, false, or standard deviations by name")
-    for name, value in noise.items():
-        place = f"quadrotor noise '{name}'"
-        if name not in levels:
-            raise ExciteError(f"{place} does not exist; {did_you_mean(name, levels)}")
-        levels[name] = _number(value, place)
-        if levels[name] < 0:
-            raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; a standard deviation is at least zero")
-        if levels[name] > MOST_NOISE:
-            raise ExciteError(f"{place}: {value!r} {NOISE_SOURCES[name].unit}; nothing flies so, give at most {MOST_NOISE:g}")
-    return levels
-
-
-def _number(value: object, place: str) -> float:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise ExciteError(f"{place}: {value!r} is not a number")
-    if not math.isfinite(value):
-        raise ExciteError(f"{place}: {value!r} is not finite")
-    return float(value)

@@ -7,21 +7,22 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from excite.errors import DesignRefused, ExciteError, SimulationStopped, did_you_mean
+from excite.errors import ExciteError, SimulationStopped, did_you_mean
 from excite.types.channel import Channel
 from excite.types.recording import Loop, Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from plants.plant import Injection
+from plants.given import check_limits, held, injection_of, noise_levels, resolve, seed_of
+from plants.noise import streams
+from plants.plant import Injection, settings_of
 from plants.quadrotor import truth as linear
 from plants.quadrotor.controller import ATTITUDE_DT, FRAME, RATE_DT, Controller, mix
 from plants.quadrotor.parameters import (
     GRAVITY,
     NOISE_SOURCES,
+    PRESETS,
     SIGNS,
     hover_command,
-    noise_levels,
-    resolve,
     thrust_map,
 )
 
@@ -29,7 +30,6 @@ HOVER_ALTITUDE = 10.0  # m
 MIN_ALTITUDE = 0.1  # m, the ground is at 0
 MAX_TILT_DEG = 60.0
 MAX_RATE = math.radians(2000.0)  # rad/s, full scale of the usual MEMS gyroscopes
-_STEP_TOLERANCE = 1e-9
 
 SET_POINTS = (Channel("roll_ref", "deg"), Channel("pitch_ref", "deg"), Channel("yaw_rate_ref", "deg/s"))
 LOGGED = tuple(
@@ -74,21 +74,21 @@ class Quadrotor:
         "attitude_setpoint": Injection(
             SET_POINTS,
             ((-30.0, 30.0), (-30.0, 30.0), (-200.0, 200.0)),
+            {
+                "rates": Roles(
+                    tuple(c.name for c in DERIVED), ("p", "q", "r"), tuple(c.name for c in SET_POINTS), closed=True
+                ),
+                "attitude": Roles(tuple(c.name for c in SET_POINTS), ("roll", "pitch", "yaw_rate"), every=FRAME),
+            },
             "set-points of the attitude and yaw-rate loops, read every 4 ms, so the signal's dt is a multiple of 4 ms; "
             "limits are an assumption (usual settings of pilots' clients)",
         )
-    }
-    settings: Mapping[str, Roles] = {
-        "rates": Roles(
-            tuple(c.name for c in DERIVED), ("p", "q", "r"), tuple(c.name for c in SET_POINTS), closed=True
-        ),
-        "attitude": Roles(tuple(c.name for c in SET_POINTS), ("roll", "pitch", "yaw_rate"), every=FRAME),
     }
     noise_sources = NOISE_SOURCES
 
     def __init__(self, preset: str = "2013", parameters: Mapping[str, float] | None = None) -> None:
         self.preset = preset
-        self.parameters = resolve(preset, parameters or {})
+        self.parameters = resolve(self.name, PRESETS, preset, parameters or {})
         self.values = {name: parameter.value for name, parameter in self.parameters.items()}
         hover_command(self.values)  # refuses what cannot hover
         self.model = build_model(self.values)
@@ -98,30 +98,27 @@ class Quadrotor:
 
         Without a recording, this plant's parameters and the default noise levels are used.
         """
-        if setting not in self.settings:
-            raise ExciteError(f"quadrotor setting '{setting}' does not exist; {did_you_mean(setting, self.settings)}")
+        settings = settings_of(self)
+        if setting not in settings:
+            raise ExciteError(f"quadrotor setting '{setting}' does not exist; {did_you_mean(setting, settings)}")
         source = {} if recording is None else recording.source
         if recording is not None and source.get("plant") != self.name:
             raise ExciteError(f"quadrotor truth: the recording is of {source.get('plant')!r}; pass one of this plant")
         values = source.get("parameters", self.values)
-        roles, units = self.settings[setting], {c.name: c for c in (*SET_POINTS, *LOGGED, *DERIVED, YAW_RATE)}
+        roles, units = settings[setting], {c.name: c for c in (*SET_POINTS, *LOGGED, *DERIVED, YAW_RATE)}
         channels = ([units[name] for name in names] for names in (roles.inputs, roles.outputs))
-        return linear.truth(setting, values, source.get("noise", noise_levels(True)), *channels)
+        return linear.truth(setting, values, source.get("noise", noise_levels(self.name, NOISE_SOURCES, True)), *channels)
 
     def run(
         self, signal: Signal, *, inject: str | None = None, noise: bool | Mapping[str, float] = True, seed: int = 0
     ) -> Recording:
         """Play `signal` with zero-order hold from hover at 10 m and record every 2 ms."""
-        inject = inject or next(iter(self.injections))
-        if inject not in self.injections:
-            raise ExciteError(f"quadrotor injection '{inject}' does not exist; {did_you_mean(inject, self.injections)}")
-        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise ExciteError(f"quadrotor seed: {seed!r}; give an integer of at least 0")
-        hold = _hold(signal)
-        _check_limits(signal, self.injections[inject])
-        levels = noise_levels(noise)
+        inject, seed = injection_of(self.name, self.injections, inject), seed_of(self.name, seed)
+        hold = FRAME * held(self.name, signal, ATTITUDE_DT, "the interval at which the attitude loop reads its set-points")
+        check_limits(self.name, signal, self.injections[inject])
+        levels = noise_levels(self.name, NOISE_SOURCES, noise)
         set_points = np.repeat(signal.u, hold, axis=0)
-        logged = np.array(self._fly(set_points, _noise(levels, int(seed), len(set_points))))
+        logged = np.array(self._fly(set_points, _noise(levels, seed, len(set_points))))
         forces = thrust_map(self.values).thrust(logged[:, _M1 : _M1 + 4])
         yaw_rate = np.degrees(logged[:, _R : _R + 1])
         return Recording(
@@ -129,7 +126,7 @@ class Quadrotor:
             values=np.hstack([set_points, logged, forces @ SIGNS.T, yaw_rate]),
             channels=(*SET_POINTS, *LOGGED, *DERIVED, YAW_RATE),
             dt=self.dt,
-            settings=self.settings,
+            settings=self.injections[inject].settings,
             default="rates",
             period=None if signal.period is None else int(signal.period) * hold,
             loop=Loop(closed=True, entry="set-point"),
@@ -139,7 +136,7 @@ class Quadrotor:
                 "parameters": dict(self.values),
                 "inject": inject,
                 "noise": levels,
-                "seed": int(seed),
+                "seed": seed,
             },
         )
 
@@ -204,39 +201,9 @@ def build_model(values: Mapping[str, float]) -> mujoco.MjModel:
         raise ExciteError(f"quadrotor parameters: MuJoCo refuses them ({str(error).splitlines()[0]})") from error
 
 
-def _hold(signal: Signal) -> int:
-    """Return plant steps in one signal sample; a signal finer than the attitude frame would alias, so it is refused."""
-    frames = round(signal.dt / ATTITUDE_DT)
-    if frames < 1 or abs(signal.dt - frames * ATTITUDE_DT) > _STEP_TOLERANCE * signal.dt:
-        raise ExciteError(
-            f"quadrotor: signal dt {signal.dt:g} s is not a whole multiple of {ATTITUDE_DT:g} s, the interval at which "
-            f"the attitude loop reads its set-points; use dt = {max(frames, 1) * ATTITUDE_DT:g} s"
-        )
-    return frames * FRAME
-
-
-def _check_limits(signal: Signal, injection: Injection) -> None:
-    needed, given = [c.name for c in injection.channels], signal.u.shape[1]
-    if given != len(needed):
-        raise ExciteError(f"quadrotor: the signal has {given} channels; give {len(needed)}: {', '.join(needed)}")
-    for values, channel, (low, high) in zip(signal.u.T, injection.channels, injection.limits, strict=True):
-        worst = values.min() if values.min() < low else values.max()
-        if not low <= worst <= high:
-            limit = low if worst < low else high
-            raise DesignRefused(
-                f"quadrotor {channel.name}: {worst:g} {channel.unit} exceeds the limit {limit:g} {channel.unit}; "
-                "reduce the amplitude"
-            )
-
-
 def _noise(levels: Mapping[str, float], seed: int, count: int) -> tuple[list, list, list]:
-    """Return thrust (N, 4), gyro (N, 3) and attitude (N, 2) noise as lists, each from its own spawned stream."""
-    widths = {"thrust": 4, "gyro": 3, "attitude": 2}
-    streams = np.random.SeedSequence(seed).spawn(len(widths))
-    return tuple(
-        (levels[name] * np.random.default_rng(stream).standard_normal((count, width))).tolist()
-        for stream, (name, width) in zip(streams, widths.items(), strict=True)
-    )
+    """Return thrust (N, 4), gyro (N, 3) and attitude (N, 2) noise as lists."""
+    return tuple(each.tolist() for each in streams(levels, {"thrust": 4, "gyro": 3, "attitude": 2}, seed, count).values())
 
 
 def _stopped(time_s: float, cos_tilt: float, altitude: float, rate: float) -> SimulationStopped:

@@ -6,7 +6,7 @@ import click
 
 from excite.errors import ExciteError, did_you_mean
 from identify.method import METHODS, method_class
-from plants.plant import PLANTS, load_plant
+from plants.plant import PLANTS, load_plant, settings_of
 from scenarios.cli.common import json_option, print_json, print_lines
 
 
@@ -47,7 +47,7 @@ def _plant(name: str) -> dict:
 
     plant = load_plant(name)
     settings = {}
-    for key, roles in plant.settings.items():
+    for key, roles in settings_of(plant).items():
         truth = plant.truth(None, key)
         settings[key] = {
             "inputs": [str(c) for c in truth.model.inputs], "outputs": [str(c) for c in truth.model.outputs],

@@ -104,6 +104,7 @@ def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
         raise ExciteError(f"--truth auto: the truth is that of a recorded setting; drop {', '.join(given)}, or --truth")
     if "plant" not in recording.source or setting is None:
         raise ExciteError(f"{file}: does not say which plant and setting it comes from, so there is no truth; drop --truth")
-    plant = load_plant(recording.source["plant"], preset=recording.source.get("preset"))
+    source = recording.source
+    plant = load_plant(source["plant"], preset=source.get("preset"), parameters=source.get("parameters"))
     truth = plant.truth(recording, setting)
     return replace(truth, model=truth.model.lift(round(experiment.dt / truth.model.dt)))

@@ -1,0 +1,48 @@
+"""Noise of simulated plants: independent seeded streams, and the Kalman filter that an ideal predictor would run."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.linalg as la
+
+
+def streams(levels: Mapping[str, float], widths: Mapping[str, int], seed: int, count: int) -> dict[str, np.ndarray]:
+    """Return white noise (count, width) of each source's standard deviation, from a spawned stream a source.
+
+    Switching one source off leaves the others as they were.
+    """
+    spawned = np.random.SeedSequence(seed).spawn(len(widths))
+    return {
+        name: levels[name] * np.random.default_rng(stream).standard_normal((count, width))
+        for stream, (name, width) in zip(spawned, widths.items(), strict=True)
+    }
+
+
+def steady_kalman(
+    A: np.ndarray, G: np.ndarray, C: np.ndarray, H: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+    """Return the gain K and innovation covariance reached from an exactly known state, or (None, None).
+
+    x+ = A x + G n, y = C x + H n, n white with unit variance, shared by process and measurement. The Riccati recursion
+    from P(0) = 0 is doubled, P(2^j) for j = 0, 1, …, so that slow filters converge as well; unlike the stabilising
+    solution, its limit exists when some states are never disturbed. None when an output has no noise of its own.
+    Doubling: Anderson and Moore (1979), Optimal Filtering, section 6.7.
+    """
+    R, S = H @ H.T, G @ H.T
+    if la.eigvalsh(R).min() <= 0:
+        return None, None
+    gain = la.solve(R, S.T, assume_a="pos").T
+    F = (A - gain @ C).T
+    J = C.T @ la.solve(R, C, assume_a="pos")
+    P = G @ G.T - gain @ S.T
+    eye = np.eye(len(A))
+    for _ in range(40):
+        W = la.inv(eye + J @ P)
+        update = F.T @ P @ W @ F
+        J, P, F = J + F @ W @ J @ F.T, P + update, F @ W @ F
+        P = (P + P.T) / 2.0
+        if np.abs(update).max() <= 1e-14 * np.abs(P).max():
+            break
+    innovation_cov = C @ P @ C.T + R
+    K = la.solve(innovation_cov, (A @ P @ C.T + S).T, assume_a="pos").T
+    return K, innovation_cov
