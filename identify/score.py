@@ -93,7 +93,7 @@ def floor_metric(truth: Truth, horizons: Sequence[int] = ()) -> str:
     Simulation where the truth forgets its past; the longest prediction horizon where it integrates: a simulation of
     integrators over minutes judges luck.
     """
-    forgets = np.abs(truth.model.poles()).max(initial=0) < 1 - 1e-9
+    forgets = np.abs(truth.poles).max(initial=0) < 1 - 1e-9
     return "fit_clean" if forgets or not horizons or truth.model.K is None else f"fit_clean_{max(horizons)}_step"
 
 
@@ -115,7 +115,7 @@ def truth_errors(model: Model, truth: Truth, band_hz: tuple[float, float] | None
     true = truth.model
     if abs(model.dt / true.dt - 1) > 1e-6:
         raise ExciteError(f"truth has dt {true.dt} s, the model {model.dt} s; lift the truth to the model's rate")
-    p = metrics.pole_errors(true.poles(), model.poles(), true.dt)
+    p = metrics.pole_errors(truth.poles, model.poles(), true.dt)
     relative = np.concatenate([p.relative, np.ones(p.missing)])
     h2, peak = metrics.frf_errors(model, true, band_hz or metrics.default_band(true))
 

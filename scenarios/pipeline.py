@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from excite.files import load_recording, load_signal, save_recording, save_signa
 from excite.types.experiment import Experiment
 from excite.types.models import Model
 from excite.types.recording import Recording
-from excite.types.truth import Truth
 from identify.estimate import Estimate
 from identify.method import experiments
 from identify.metrics import default_band
@@ -181,11 +179,6 @@ def view(scenario: Scenario, spec: SettingSpec, rule: Horizons, recording: Recor
     return experiment.window(skip - skip % rule.every).decimate(rule.every)
 
 
-def lifted(truth: Truth | None, every: int) -> Truth | None:
-    """Return the truth at the decimated rate."""
-    return None if truth is None else replace(truth, model=truth.model.lift(every))
-
-
 def identify(source: dict, folder: Path, setting: str, k: int) -> None:
     """Fit every method and order of one setting on one estimation run, and score it on the validation runs."""
     scenario = check_scenario(source, str(folder))
@@ -229,7 +222,8 @@ class _Judge:
         self.validation, self.clean = (
             [view(scenario, spec, rule, flown(folder, kind, k)) for k in runs] for kind in ("validation", "clean")
         )
-        self.truth = lifted(setting_truth(scenario, spec, recording), rule.every)
+        truth = setting_truth(scenario, spec, recording)
+        self.truth = truth and truth.lift(rule.every)
         dt = self.validation[0].dt
         self.steps = tuple(max(1, round(h / dt)) for h in scenario.horizons_s)
         self.band = scenario.bands_hz.get(spec.name)

@@ -1,7 +1,9 @@
 """Truth: what a simulated plant really is, made from its equations and never by identifying its output."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
 from excite.types.models import StateSpaceModel
@@ -15,14 +17,23 @@ class Truth:
 
     model : state space, with K and innovation covariance when the noise has a state-space description;
     kind : exact, linearised (small signals), or best linear approximation;
-    parameters : name -> (value, unit); valid_amplitude : text, where the linearisation holds.
+    parameters : name -> (value, unit); valid_amplitude : text, where the linearisation holds;
+    poles : (z-plane) those of the path from inputs to outputs, by which an estimate is judged; all of the model's, unless
+    some of its states shape noise alone.
     """
 
     model: StateSpaceModel
     kind: str
     parameters: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     valid_amplitude: str = ""
+    poles: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ExciteError(f"Truth.kind: {self.kind!r}; {did_you_mean(str(self.kind), KINDS)}")
+        poles = self.model.poles() if self.poles is None else np.asarray(self.poles, complex)
+        object.__setattr__(self, "poles", poles)
+
+    def lift(self, every: int) -> "Truth":
+        """Return the truth at dt * every, for an input held over each longer interval."""
+        return replace(self, model=self.model.lift(every), poles=self.poles**every)

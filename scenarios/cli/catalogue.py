@@ -53,7 +53,7 @@ def _plant(name: str) -> dict:
             "inputs": [str(c) for c in truth.model.inputs], "outputs": [str(c) for c in truth.model.outputs],
             "reference": roles.reference, "dt": truth.model.dt, "closed": roles.closed, "truth": truth.kind,
             "valid_amplitude": truth.valid_amplitude,
-            "poles": [pole_to_dict(p, truth.model.dt) for p in truth.model.poles()],
+            "poles": [pole_to_dict(p, truth.model.dt) for p in truth.poles],
         }  # fmt: skip
     return {
         "description": plant.description, "dt": plant.dt,

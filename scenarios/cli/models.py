@@ -1,6 +1,5 @@
 """excite identify and excite score."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -107,4 +106,4 @@ def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
     source = recording.source
     plant = load_plant(source["plant"], preset=source.get("preset"), parameters=source.get("parameters"))
     truth = plant.truth(recording, setting)
-    return replace(truth, model=truth.model.lift(round(experiment.dt / truth.model.dt)))
+    return truth.lift(round(experiment.dt / truth.model.dt))

@@ -82,7 +82,7 @@ def true_poles(setting: SettingResult) -> Table:
     headers = ["kind", "pole [rad/s]", "|s| [rad/s]", "frequency [Hz]", "damping [–]", "time constant [s]"]
     if setting.truth is None:
         return headers, []
-    z = setting.truth.model.poles()
+    z = setting.truth.poles
     matched = pole_errors(z, z if estimate is None else estimate.model.poles(), setting.dt)
     s, found = (continuous_poles(p, setting.dt) for p in (matched.true, matched.estimated))
     if estimate is not None:

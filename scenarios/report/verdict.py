@@ -67,7 +67,7 @@ def summary(result: RunResult) -> list[str]:
 
 def _worst_pole(setting: SettingResult, row: Row) -> str:
     """Return which true pole the row's first run misses most."""
-    errors = pole_errors(setting.truth.model.poles(), first_estimate(row).model.poles(), setting.dt)
+    errors = pole_errors(setting.truth.poles, first_estimate(row).model.poles(), setting.dt)
     if errors.missing:
         return "Not every pole is found: the order is below that of the truth."
     k = int(np.argmax(errors.relative))

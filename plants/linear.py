@@ -1,0 +1,182 @@
+"""LinearPlant: a plant from matrices, open or closed, with noise, an actuator and its exact truth."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from excite.errors import ExciteError, did_you_mean
+from excite.types.channel import Channel
+from excite.types.models import StateSpaceModel
+from excite.types.recording import Loop, Recording, Roles
+from excite.types.signal import Signal
+from excite.types.truth import Truth
+from plants.actuator import Backlash, Element, Quantiser
+from plants.given import check_limits, held, injection_of, noise_levels, seed_of
+from plants.loop import Dynamics, Feedback, interconnect, play, start
+from plants.noise import steady_kalman
+from plants.plant import Injection, Parameter, load_plant, settings_of
+
+ENTRIES = {"input": "plant input", "plant_input": "plant input", "setpoint": "set-point"}
+
+
+@dataclass(frozen=True, eq=False)
+class LinearPlant:
+    """A linear plant, its loop and its noise; what it records are u, y and r of the diagram in plants/loop.py.
+
+    inputs, outputs : channels of u and y; limits : (low, high) of each input; reference_limits : of each set-point;
+    noise_sources : name -> Parameter, in the order of dynamics.sources; actuator : elements between u and the plant.
+
+    Open loop: injection "input", setting "plant" (u -> y). Closed loop: injections "setpoint" (r2, channel r_<output>)
+    and "plant_input" (r1, channel r_<input>); settings "plant" (u -> y, closed) and "setpoint_response" or
+    "input_response" (r -> y, free of feedback). With an actuator its output is recorded as <input>_actual, and is what
+    "plant" takes for u; backlash and quantiser have no small-signal truth, so the response settings are left out then.
+    """
+
+    name: str
+    description: str
+    dt: float
+    dynamics: Dynamics
+    inputs: tuple[Channel, ...]
+    outputs: tuple[Channel, ...]
+    limits: tuple[tuple[float, float], ...]
+    parameters: Mapping[str, Parameter]
+    noise_sources: Mapping[str, Parameter]
+    preset: str | None = None
+    feedback: Feedback | None = None
+    reference_limits: tuple[tuple[float, float], ...] = ()
+    actuator: tuple[Element, ...] = ()
+    note: str = ""
+    def __post_init__(self) -> None:
+        try:
+            interconnect(self.dynamics, self.feedback)
+        except ExciteError as error:
+            raise ExciteError(f"{self.name}: {error}") from None
+
+    @cached_property
+    def acting(self) -> tuple[Channel, ...]:
+        """What acts on the plant: the inputs, or the actuator's outputs where there is one."""
+        return tuple(Channel(f"{c.name}_actual", c.unit) for c in self.inputs) if self.actuator else self.inputs
+
+    @cached_property
+    def injections(self) -> dict[str, Injection]:
+        """Places of entry."""
+        u, y = ([c.name for c in channels] for channels in (self.acting, self.outputs))
+        if self.feedback is None:
+            return {"input": Injection(self.inputs, self.limits, {"plant": Roles(tuple(u), tuple(y))}, self.note)}
+        measured = [self.outputs[i] for i in self.feedback.measured]
+        places = {
+            "setpoint": ("setpoint_response", measured, self.reference_limits),
+            "plant_input": ("input_response", self.inputs, self.limits),
+        }
+        found = {}
+        for place, (response, channels, limits) in places.items():
+            r = tuple(Channel(f"r_{c.name}", c.unit) for c in channels)
+            names = tuple(c.name for c in r)
+            settings = {"plant": Roles(tuple(u), tuple(y), names, closed=True)}
+            if not any(isinstance(element, Backlash | Quantiser) for element in self.actuator):
+                settings[response] = Roles(names, tuple(y))
+            found[place] = Injection(r, limits, settings, self.note)
+        return found
+
+    def truth(self, recording: Recording | None, setting: str) -> Truth:
+        """Return the exact model of a setting, with the noise levels and parameters of `recording`."""
+        settings = settings_of(self)
+        if setting not in settings:
+            raise ExciteError(f"{self.name} setting '{setting}' does not exist; {did_you_mean(setting, settings)}")
+        source = {} if recording is None else recording.source
+        if recording is not None and source.get("plant") != self.name:
+            raise ExciteError(f"{self.name} truth: the recording is of {source.get('plant')!r}; pass one of this plant")
+        if source and source["parameters"] != self.values():
+            same = load_plant(self.name, preset=source["preset"], parameters=source["parameters"])
+            return same.truth(recording, setting)
+        plant = self.dynamics.scaled(source.get("noise", noise_levels(self.name, self.noise_sources, True)))
+        n, nu = len(plant.A) - plant.noise_states, plant.B.shape[1]
+        if setting == "plant":
+            A, B, G, C, D, H = plant.A, plant.B, plant.G, plant.C, plant.D, plant.H
+            own = plant.A[:n, :n]
+            inputs = self.acting
+        else:
+            loop = interconnect(plant, self.feedback)
+            m = len(self.feedback.measured)
+            entering = slice(0, nu) if setting == "input_response" else slice(nu, nu + m)
+            A, C = loop.A, loop.C[nu:]
+            B, D, G, H = loop.B[:, entering], loop.D[nu:, entering], loop.B[:, nu + m :], loop.D[nu:, nu + m :]
+            keep = np.r_[:n, len(plant.A) : len(A)]
+            own = A[np.ix_(keep, keep)]
+            place = next(p for p in self.injections.values() if setting in p.settings)
+            inputs = place.channels
+        K, innovation_cov = steady_kalman(A, G, C, H)
+        model = StateSpaceModel(A, B, C, D, self.dt, K, innovation_cov, inputs, self.outputs)
+        kind, valid = "exact", "any: the plant is linear"
+        if setting != "plant" and self.actuator:
+            kind, valid = "linearised", "while the actuator passes commands unchanged"
+        return Truth(model, kind, valid_amplitude=valid, poles=la.eigvals(own))
+
+    def run(
+        self, signal: Signal, *, inject: str | None = None, noise: bool | Mapping[str, float] = True, seed: int = 0
+    ) -> Recording:
+        """Play `signal` with zero-order hold."""
+        return self.run_many(signal, seeds=[seed], inject=inject, noise=noise)[0]
+
+    def run_many(
+        self, signal: Signal, *, seeds: Sequence[int], inject: str | None = None, noise: bool | Mapping[str, float] = True
+    ) -> list[Recording]:
+        """Play `signal` once a seed."""
+        inject = injection_of(self.name, self.injections, inject)
+        seeds = [seed_of(self.name, seed) for seed in seeds]
+        hold = held(self.name, signal, self.dt, "the plant's sampling time")
+        check_limits(self.name, signal, self.injections[inject])
+        levels = noise_levels(self.name, self.noise_sources, noise)
+        r = np.repeat(signal.u, hold, axis=0)
+        if self.feedback is not None:
+            other = np.zeros((len(r), len(self.inputs) + len(self.feedback.measured) - r.shape[1]))
+            full = np.hstack([r, other] if inject == "plant_input" else [other, r])
+        else:
+            full = r
+        u, v, y = self._play(full, levels, seeds)
+        period = None if signal.period is None else int(signal.period) * hold
+        channels = (*self.inputs, *(self.acting if self.actuator else ()), *self.outputs)
+        if self.feedback is not None:
+            channels = (*self.injections[inject].channels, *channels)
+        recordings = []
+        for seed, *columns in zip(seeds, u, v, y, strict=True):
+            columns = [columns[0], columns[2]] if not self.actuator else columns
+            columns = columns if self.feedback is None else [r, *columns]
+            recordings.append(
+                Recording(
+                    time_s=np.arange(len(r)) * self.dt, values=np.hstack(columns), channels=channels, dt=self.dt,
+                    settings=self.injections[inject].settings, default="plant", period=period, loop=self._loop(inject),
+                    source={
+                        "plant": self.name, "preset": self.preset, "parameters": self.values(), "inject": inject,
+                        "noise": levels, "seed": seed,
+                    },
+                )
+            )  # fmt: skip
+        return recordings
+
+    def values(self) -> dict[str, Any]:
+        """Return the parameters' values."""
+        return {name: parameter.value for name, parameter in self.parameters.items()}
+
+    def _loop(self, inject: str) -> Loop:
+        if self.feedback is None:
+            return Loop()
+        return Loop(True, self.feedback.controller, self.feedback.sign, ENTRIES[inject])
+
+    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: list[int]) -> tuple[np.ndarray, ...]:
+        plant, N = self.dynamics.scaled(levels), len(reference)
+        loop = interconnect(plant, self.feedback)
+        noise, x0 = np.zeros((len(seeds), N, plant.G.shape[1])), np.zeros((len(seeds), loop.order))
+        if any(levels.values()):
+            for i, seed in enumerate(seeds):
+                *sources, initial = np.random.SeedSequence(seed).spawn(len(plant.sources) + 1)
+                noise[i] = np.hstack([
+                    np.random.default_rng(stream).standard_normal((N, width))
+                    for stream, width in zip(sources, plant.sources.values(), strict=True)
+                ])  # fmt: skip
+                x0[i] = start(plant, loop, np.random.default_rng(initial))
+        return play(plant, self.feedback, self.actuator, loop, reference, noise, x0)
