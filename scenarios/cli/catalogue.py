@@ -1,51 +1,83 @@
 """excite plants, methods, scenarios: what there is."""
 
+import math
 from dataclasses import MISSING, fields
+from typing import Any
 
 import click
 
 from excite.errors import ExciteError, did_you_mean
 from identify.method import METHODS, method_class
-from plants.plant import PLANTS, load_plant, settings_of
-from scenarios.cli.common import json_option, print_json, print_lines
+from plants.plant import PLANTS, Plant, load_plant, settings_of
+from scenarios.cli.common import assignments, json_option, print_json, print_lines
 
 
 @click.command()
 @click.argument("name", required=False)
+@click.option("--preset", metavar="NAME", help="A preset of the plant's parameters.")
+@click.option("--set", "parameters", metavar="KEY=VALUE", multiple=True, help="Override a parameter of the plant.")
+@click.option("--plot", type=click.Path(), metavar="FILE", help="Draw step, Bode and poles of its truth (.png, .svg, .pdf).")
 @json_option
-def plants(name: str | None, as_json: bool) -> int:
+def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], plot: str | None, as_json: bool) -> int:
     """List the simulated plants, or describe one: inputs, limits, outputs, parameters, noise, truth."""
-    described = {key: _plant(key) for key in ([name] if name else sorted(PLANTS))}
+    if name is None and (preset or parameters or plot):
+        raise ExciteError("plants: --preset, --set and --plot are of one plant; give its name, as in excite plants quadrotor")
+    overrides = assignments(parameters, "--set")
+    loaded = {key: load_plant(key, preset=preset, parameters=overrides) for key in ([name] if name else sorted(PLANTS))}
+    if plot:
+        draw_plant(loaded[name], plot)
+    described = {key: _plant(plant, whole=name is not None or as_json) for key, plant in loaded.items()}
     if as_json:
         print_json({"schema_version": 1, "plants": described})
-        return 0
-    if name is None:
-        print_lines([f"{key:<14} {d['description']}" for key, d in described.items()])
-        return 0
-    d = described[name]
-    lines = [f"{name}: {d['description']}", f"sampling time {d['dt']:g} s"]
-    for key, place in d["injections"].items():
-        lines.append(f"injection {key}: {place['note']}")
-        lines += [f"  {c['channel']:<24} {c['limits'][0]:g} to {c['limits'][1]:g}" for c in place["channels"]]
-    for key, setting in d["settings"].items():
-        lines.append(
-            f"setting {key}: {', '.join(setting['inputs'])} -> {', '.join(setting['outputs'])}, every "
-            f"{setting['dt'] * 1e3:g} ms, {'closed loop' if setting['closed'] else 'inputs free of feedback'}"
-        )
-        poles = ", ".join(f"{p['f_hz'] * 6.283185307:.3g} rad/s" + ("" if p["zeta"] is None else f" ({p['zeta']:.2f})")
-                          for p in setting["poles"] if p["im"] >= 0)  # fmt: skip
-        lines.append(f"  truth ({setting['truth']}), natural frequency (damping): {poles}")
-    for title in ("parameters", "noise"):
-        lines.append(f"{title}:")
-        lines += [f"  {k:<20} {p['value']:<12g} {p['unit']:<10} {p['source']}" for k, p in d[title].items()]
-    print_lines(lines)
+    elif name is None:
+        print_lines([f"{key:<18} {d['description']}" for key, d in described.items()])
+    else:
+        print_lines(_plant_lines(name, described[name]))
     return 0
 
 
-def _plant(name: str) -> dict:
+def draw_plant(plant: Plant, path: str) -> None:
+    """Draw the truth of every setting of a plant into a file."""
+    from scenarios.report.plant_figure import plant_figure
+    from scenarios.report.signal_figure import save_figure
+
+    save_figure(plant_figure(plant.name, {key: plant.truth(None, key) for key in settings_of(plant)}), path)
+
+
+def _plant_lines(name: str, d: dict) -> list[str]:
+    lines = [f"{name}: {d['description']}", f"sampling time {d['dt']:g} s"]
+    for key, place in d["injections"].items():
+        lines.append(f"injection {key}: {place['note']}".rstrip(" :"))
+        lines += [f"  {c['channel']:<24} {c['limits'][0]:g} to {c['limits'][1]:g}" for c in place["channels"]]
+        lines.append(f"  settings: {', '.join(place['settings'])}")
+    for key, setting in d["settings"].items():
+        lines.append(
+            f"setting {key}: {_listed(setting['inputs'])} -> {_listed(setting['outputs'])}, every "
+            f"{setting['dt'] * 1e3:g} ms, {'closed loop' if setting['closed'] else 'inputs free of feedback'}"
+        )
+        poles = ", ".join(f"{p['f_hz'] * 2 * math.pi:.3g} rad/s" + ("" if p["zeta"] is None else f" ({p['zeta']:.2g})")
+                          for p in setting["poles"] if p["im"] >= 0)  # fmt: skip
+        lines.append(f"  truth ({setting['truth']}), natural frequency (damping): {poles or 'no poles'}")
+        lines.append(f"  valid: {setting['valid_amplitude']}")
+    for title in ("parameters", "noise"):
+        lines.append(f"{title}:" if d[title] else f"{title}: none")
+        lines += [f"  {k:<23} {_value(p['value']):<12} {p['unit']:<10} {p['source']}" for k, p in d[title].items()]
+    return lines
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 8 else f"{', '.join(names[:6])}, … {names[-1]} ({len(names)})"
+
+
+def _value(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float | int) and not isinstance(value, bool) else str(value)
+
+
+def _plant(plant: Plant, whole: bool) -> dict:
     from identify.model_json import pole_to_dict
 
-    plant = load_plant(name)
+    if not whole:
+        return {"description": plant.description}
     settings = {}
     for key, roles in settings_of(plant).items():
         truth = plant.truth(None, key)
@@ -59,7 +91,7 @@ def _plant(name: str) -> dict:
         "description": plant.description, "dt": plant.dt,
         "injections": {
             key: {
-                "note": place.note,
+                "note": place.note, "settings": list(place.settings),
                 "channels": [{"channel": str(c), "limits": l} for c, l in zip(place.channels, place.limits, strict=True)],
             }
             for key, place in plant.injections.items()
