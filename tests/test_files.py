@@ -87,6 +87,22 @@ def recording(**changes):
 
 
 @pytest.mark.parametrize("extension", WRITTEN)
+def test_outputs_alone_come_back_without_an_input(extension, tmp_path):
+    saved = Experiment(None, np.random.default_rng(0).standard_normal((20, 2)), dt=0.1, outputs=["acc_1 [m/s2]", "acc_2"])
+    save_experiment(saved, tmp_path / f"ambient{extension}")
+    loaded = load_experiment(tmp_path / f"ambient{extension}")
+    assert_same_experiment(loaded, saved)
+    assert loaded.u.shape == (20, 0)
+
+
+def test_foreign_outputs_alone_need_an_empty_list_of_inputs(tmp_path):
+    np.savetxt(tmp_path / "ambient.dat", np.arange(20.0).reshape(10, 2))
+    with pytest.raises(ExciteError, match=r"give inputs \(--inputs\)"):
+        load_experiment(tmp_path / "ambient.dat", outputs=[0, 1], dt=0.1)
+    assert load_experiment(tmp_path / "ambient.dat", inputs=[], outputs=[0, 1], dt=0.1).u.shape == (10, 0)
+
+
+@pytest.mark.parametrize("extension", WRITTEN)
 def test_signal_round_trip(tmp_path, extension):
     signal = prbs(order=6, dt=0.1 / 3, hold=2, amplitude=0.1, channels=["roll [deg]", *AWKWARD], periods=2, seed=4)
     path = tmp_path / f"s{extension}"

@@ -10,7 +10,7 @@ from excite.errors import ExciteError, did_you_mean, placed
 from excite.files import autopilot, awg, c_header, crazyflie, hdf5, mat, npz, text, wav
 from excite.files.atomic import readable
 from excite.files.own import damaged, plain, to_loop, to_recording, to_table
-from excite.files.roles import Columns, channels, choose, require, sampling
+from excite.files.roles import Columns, channels, choose, marked, require, sampling
 from excite.files.table import Table
 from excite.persistency import certify
 from excite.types.experiment import Experiment
@@ -81,8 +81,9 @@ def load_experiment(
 
     Own files need nothing but the path; a recording gives its default view, or the `setting` named. Elsewhere `inputs`,
     `outputs` and `reference` choose columns by name or by number from 0; without them, headers such as ``u:flap``, u,
-    u1, y2 and r count. `dt` in s, or `time`, the time column in s (one called time_s, t_s, time or t is found). NaN and
-    empty fields are missing samples. Chosen roles keep the period and the loop that an own file states.
+    u1, y2 and r count. No inputs, given as an empty list or in an own file without any, leaves outputs alone. `dt` in s,
+    or `time`, the time column in s (one called time_s, t_s, time or t is found). NaN and empty fields are missing
+    samples. Chosen roles keep the period and the loop that an own file states.
 
     Raises ExciteError naming the file, the place in it, and the remedy.
     """
@@ -95,12 +96,13 @@ def load_experiment(
     if setting is not None:
         raise ExciteError(f"{path}: setting '{setting}' needs a recording, without roles or dt given; drop it")
     u, y, r = choose(table, "u", inputs), choose(table, "y", outputs), choose(table, "r", reference)
-    require(table, u, y)
+    outputs_alone = not u and (inputs is not None or marked(table, "y"))
+    require(table, None if outputs_alone else u, y)
     time_s, dt = sampling(table, dt, time, u + y + r)
     with damaged(table.place):
         return Experiment(
             table.values[:, u], table.values[:, y], dt=dt, time_s=time_s,
-            reference=table.values[:, r] if r else None, inputs=channels(table, u), outputs=channels(table, y),
+            reference=table.values[:, r] if r else None, inputs=channels(table, u) if u else None, outputs=channels(table, y),
             references=channels(table, r) if r else None, period=table.meta.get("period"),
             loop=to_loop(table.meta.get("loop")), name=table.meta.get("name") or Path(path).stem,
         )  # fmt: skip

@@ -37,8 +37,7 @@ def column(table: Table, key: str | int, place: str) -> int:
 def choose(table: Table, role: str, given: Columns | None) -> list[int]:
     """Return the columns of one role: those given, else those whose header carries it (``u:flap``, ``u``, ``u2``)."""
     if given is None:
-        marked = [i for i, name in enumerate(table.names) if (match := ROLE.fullmatch(name)) and match[1] == role]
-        return marked or [i for i, name in enumerate(table.names) if _bare_role(name) == role]
+        return marked(table, role) or [i for i, name in enumerate(table.names) if _bare_role(name) == role]
     keys = [given] if isinstance(given, (str, int)) else list(given)
     chosen = [column(table, key, FLAGS[role]) for key in keys]
     if len({*chosen}) != len(chosen):
@@ -46,13 +45,18 @@ def choose(table: Table, role: str, given: Columns | None) -> list[int]:
     return chosen
 
 
-def require(table: Table, inputs: list[int], outputs: list[int] | None = None) -> None:
-    """Refuse roles without a column, and a column in both roles."""
+def marked(table: Table, role: str) -> list[int]:
+    """Return the columns whose header states the role, as own files do (``y:acceleration [m/s2]``)."""
+    return [i for i, name in enumerate(table.names) if (match := ROLE.fullmatch(name)) and match[1] == role]
+
+
+def require(table: Table, inputs: list[int] | None, outputs: list[int] | None = None) -> None:
+    """Refuse roles without a column, and a column in both roles; None is a role that is not asked for."""
     missing = [role for role, chosen in (("inputs", inputs), ("outputs", outputs)) if chosen == []]
     if missing:
         flags = " and ".join(f"{role} (--{role})" for role in missing)
         raise ExciteError(f"{table.place}: give {flags} by name or number from 0; {table.listing()}")
-    shared = {*inputs} & {*(outputs or [])}
+    shared = {*(inputs or [])} & {*(outputs or [])}
     if shared:
         raise ExciteError(f"{table.place}: column {min(shared)} is both input and output; {table.listing()}")
 

@@ -18,7 +18,7 @@ from identify.model_json import plain
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one strict JSON object instead of text.")
 
 DATA_OPTIONS = (
-    click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0, e.g. 0,1 or flap,aileron."),
+    click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0, as 0,1 or flap,aileron; or none."),
     click.option("--outputs", metavar="COLUMNS", help="Output columns."),
     click.option("--reference", metavar="COLUMNS", help="Reference columns."),
     click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column."),
@@ -36,9 +36,11 @@ def data_options(command: Callable) -> Callable:
 
 
 def columns(text: str | None) -> list[str | int] | None:
-    """Parse 0,1 or flap,aileron; digits are column numbers."""
+    """Parse 0,1 or flap,aileron; digits are column numbers, and "none" is no column at all."""
     if text is None:
         return None
+    if text.strip() == "none":
+        return []
     parts = [part.strip() for part in text.split(",")]
     return [int(part) if part.isdigit() else part for part in parts if part]
 
