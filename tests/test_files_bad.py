@@ -87,7 +87,7 @@ BAD_FLAGS = [
     ({"inputs": [-1]}, r"inputs: no column -1"),
     ({"inputs": [1.0]}, r"inputs: no column 1.0"),
     ({"inputs": [""]}, r"inputs: no column ''"),
-    ({"inputs": []}, r"give inputs \(--inputs\)"),
+    ({"outputs": []}, r"give outputs \(--outputs\)"),
     ({"inputs": [1, "u"]}, r"inputs: \[1, 'u'\] name a column twice"),
     ({"inputs": [2]}, r"column 2 is both input and output"),
     ({"outputs": ["why"]}, r"outputs: no column 'why'"),
