@@ -6,7 +6,6 @@ again. Matrix products do all the work and no modal form is needed, so defective
 """
 
 import numpy as np
-from scipy.signal import oaconvolve
 
 BLOCK = 32  # samples lifted at once: large enough for BLAS, small enough that the Toeplitz product stays cheap
 
@@ -72,6 +71,8 @@ def states(A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray | None = 
 
 def fir(h: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return y(t) = sum_i h[i] u(t - i) as (N, ny), for Markov parameters h (count, ny, nu) and u (N, nu), by FFT."""
+    from scipy.signal import oaconvolve  # it loads scipy.stats, a third of the time of importing excite
+
     return np.stack(
         [sum(oaconvolve(u[:, j], h[:, i, j])[: len(u)] for j in range(u.shape[1])) for i in range(h.shape[1])], axis=1
     )

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import osqp
 from scipy import sparse
-from scipy.signal import firwin
 
 from excite import lti
 from excite.errors import ExciteError
@@ -107,6 +106,8 @@ def _solve(
 
 def _weight(n: int, band: tuple[float, float] | None) -> sparse.spmatrix:
     """F^T F, (n, n) banded Toeplitz: the filter's own correlation, so that the ends weigh as much as the middle."""
+    from scipy.signal import firwin  # slow to import, and only shaping needs it
+
     half = min(HALF_TAPS, (n - 1) // 2)
     if band is None or half == 0:
         return sparse.eye(n)
