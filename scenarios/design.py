@@ -54,7 +54,11 @@ def make_design(scenario: Scenario) -> Design:
 
 def setting_truth(scenario: Scenario, spec: SettingSpec, recording: Recording | None = None) -> Truth | None:
     """Return the truth at the setting's recorded rate; None for roles that the plant does not know."""
-    return scenario.plant.truth(recording, spec.name) if spec.plants_own else None
+    if not spec.plants_own:
+        return None
+    truth = scenario.plant.truth(recording, spec.name)
+    all_outputs = len(truth.model.outputs) == len(spec.roles.outputs)
+    return truth if all_outputs else truth.select(spec.roles.outputs)
 
 
 def setting_horizons(scenario: Scenario, spec: SettingSpec, signal: Signal) -> Horizons:
@@ -112,15 +116,17 @@ def _check_band(scenario: Scenario, spec: SettingSpec, rule: Horizons) -> None:
 def _check_methods(scenario: Scenario, spec: SettingSpec, rule: Horizons, signal: Signal) -> None:
     """Refuse orders and horizons that records of the coming length and channels cannot bear.
 
-    Methods that want a certain shape of records (steps, impulses, outputs alone) are judged on the records themselves.
+    Methods that want a certain shape of records (steps, impulses, outputs alone), and outputs chosen by coherence, are
+    judged on the records themselves.
     """
+    if spec.coherence is not None:
+        return
     dt = scenario.plant.dt * spec.roles.every
     length = (round(signal.duration_s / dt) - round(scenario.discard_s / dt)) // rule.every
-    columns = np.random.default_rng(0).standard_normal(
-        (max(length, 1), len(spec.roles.inputs) + len(spec.roles.outputs))
-    )
-    u, y = np.split(columns, [len(spec.roles.inputs)], axis=1)
-    stand_in = Experiment(u, y, dt=dt * rule.every)
+    widths = [len(names) for names in (spec.roles.inputs, spec.roles.outputs, spec.roles.reference)]
+    columns = np.random.default_rng(0).standard_normal((max(length, 1), sum(widths)))
+    u, y, r = np.split(columns, np.cumsum(widths)[:2], axis=1)
+    stand_in = Experiment(u, y, dt=dt * rule.every, reference=r if widths[2] else None)
     for m, method in built_methods(scenario, spec, rule):
         for n in m.orders if method.consumes == "time series" else ():
             with placed(f"{m.place}: setting '{spec.name}', {len(u)} samples of {stand_in.dt:g} s"):

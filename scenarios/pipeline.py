@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from excite.files import load_recording, load_signal, save_recording, save_signa
 from excite.types.experiment import Experiment
 from excite.types.models import Model
 from excite.types.recording import Recording
+from identify.channels import select_outputs
 from identify.estimate import Estimate
 from identify.method import experiments
 from identify.metrics import default_band
@@ -174,9 +176,19 @@ def flown(folder: Path, kind: str, k: int) -> Recording:
 
 def view(scenario: Scenario, spec: SettingSpec, rule: Horizons, recording: Recording) -> Experiment:
     """Return a setting's experiment: roles, start discarded, decimated."""
-    experiment = recording.experiment(spec.name if spec.plants_own else spec.roles)
+    experiment = recording.experiment(spec.roles)
     skip = round(scenario.discard_s / experiment.dt)
     return experiment.window(skip - skip % rule.every).decimate(rule.every)
+
+
+def chosen(scenario: Scenario, spec: SettingSpec, rule: Horizons, folder: Path) -> SettingSpec:
+    """Return the setting with the outputs that the first estimation run shows coherent, where it asks for that."""
+    if spec.coherence is None:
+        return spec
+    data = view(scenario, spec, rule, flown(folder, "estimation", 0))
+    with placed(f"{scenario.file}: setting '{spec.name}': coherence"):
+        kept = select_outputs(data, scenario.bands_hz[spec.name], spec.coherence)
+    return replace(spec, roles=replace(spec.roles, outputs=tuple(kept)))
 
 
 def identify(source: dict, folder: Path, setting: str, k: int) -> None:
@@ -186,7 +198,7 @@ def identify(source: dict, folder: Path, setting: str, k: int) -> None:
     path = excitation_path(folder, "estimation", k)
     with intact(path):
         rule = setting_horizons(scenario, spec, load_signal(path))
-    recording = flown(folder, "estimation", k)
+    spec, recording = chosen(scenario, spec, rule, folder), flown(folder, "estimation", k)
     data = experiments(view(scenario, spec, rule, recording))
     judge = _Judge(scenario, spec, rule, folder, recording)
     factors: dict[tuple, Any] = {}
@@ -276,7 +288,7 @@ def _collect(scenario: Scenario, design: Design, folder: Path) -> RunResult:
 
 
 def _setting_result(scenario: Scenario, spec: SettingSpec, rule: Horizons, folder: Path) -> SettingResult:
-    recording = flown(folder, "estimation", 0)
+    spec, recording = chosen(scenario, spec, rule, folder), flown(folder, "estimation", 0)
     judge = _Judge(scenario, spec, rule, folder, recording)
     rows = []
     for m, method in built_methods(scenario, spec, rule):

@@ -29,12 +29,16 @@ FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decid
 
 @dataclass(frozen=True)
 class SettingSpec:
-    """One identification setting: roles on the recording, and how much to decimate ("auto": by the design rule)."""
+    """One identification setting: roles on the recording, and how much to decimate ("auto": by the design rule).
+
+    coherence : keep the outputs whose mean coherence with what was played, over the setting's band, is at least this.
+    """
 
     name: str
     roles: Roles
     plants_own: bool
     decimate: int | str = "auto"
+    coherence: float | None = None
 
 
 @dataclass(frozen=True)
@@ -255,6 +259,7 @@ def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
     decimate = table.take("decimate", (int, str), "auto")
     if (isinstance(decimate, str) and decimate != "auto") or (isinstance(decimate, int) and decimate < 1):
         raise ExciteError(f'{table.place}decimate: {decimate!r}; give a whole number of at least 1, or "auto"')
+    coherence = table.take("coherence", NUMBER, None, lambda c: None if 0 < c <= 1 else "give a number from 0 to 1")
     table.done()
     if not any(given.values()):
         known = plant.injections[inject].settings
@@ -263,7 +268,7 @@ def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
                 f"{table.place}name: '{name}' is no setting of plant {plant.name} excited at '{inject}'; "
                 f"{did_you_mean(name, known)} Or give inputs and outputs."
             )
-        return SettingSpec(name, known[name], True, decimate)
+        return SettingSpec(name, known[name], True, decimate, coherence)
     for key in ("inputs", "outputs"):
         if not given[key]:
             raise ExciteError(f"{table.place}{key}: missing; a setting with its own roles needs inputs and outputs")
@@ -277,7 +282,7 @@ def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
     # What enters the plant from outside is free of feedback; everything else in a closed loop depends on the outputs.
     outside = {c.name for c in plant.injections[inject].channels}
     closed = any(roles.closed for roles in plant.injections[inject].settings.values()) and not outside.issuperset(given["inputs"])
-    return SettingSpec(name, Roles(**given, closed=closed), False, decimate)
+    return SettingSpec(name, Roles(**given, closed=closed), False, decimate, coherence)
 
 
 def _methods(table: TomlTable, settings: list[str]) -> list[MethodSpec]:
@@ -317,6 +322,8 @@ def _score(table: TomlTable, settings: tuple[SettingSpec, ...]) -> tuple[tuple, 
     bands, bands_hz = table.table("bands_hz"), {}
     for setting in settings:
         band = bands.take(setting.name, list, None)
+        if band is None and setting.coherence is not None:
+            raise ExciteError(f"{bands.place}{setting.name}: missing; coherence is judged over it, give [low, high] in Hz")
         if band is None:
             continue
         if len(band) != 2 or not all(is_a(f, NUMBER) for f in band) or not 0 < band[0] < band[1]:

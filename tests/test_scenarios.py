@@ -172,7 +172,7 @@ REFUSALS = {
     "setting twice": ({"setting": [{"name": "rates"}, {"name": "rates"}]}, "short.toml: setting[1].name: 'rates' is given twice"),
     "setting without method": ({"setting": [{"name": "attitude"}, {"name": "rates"}], "method/0/setting": "attitude",
                                 "method/1/setting": "attitude"}, "short.toml: setting[1]: no method for 'rates'"),
-    "setting name": ({"setting/0/name": "attitud"}, "'attitud' is no setting of plant quadrotor; did you mean 'attitude'?"),
+    "setting name": ({"setting/0/name": "attitud"}, "'attitud' is no setting of plant quadrotor excited at 'attitude_setpoint'; did you mean 'attitude'?"),
     "path as name": ({"name": "../short"}, "short.toml: name: '../short'; use at most 60 letters, digits, _ and -"),
     "path as setting": ({"setting/0/name": "../rates"}, "short.toml: setting[0].name: '../rates'; use at most 60 letters"),
     "long name": ({"name": "x" * 61}, "use at most 60 letters"),

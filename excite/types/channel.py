@@ -43,6 +43,12 @@ def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: st
     return channels
 
 
+def listed(names: Sequence[object]) -> str:
+    """Return names on one line: all of up to eight, else the first six and the last with their number."""
+    names = [str(name) for name in names]
+    return ", ".join(names) if len(names) <= 8 else f"{', '.join(names[:6])}, … {names[-1]} ({len(names)})"
+
+
 def samples(values: object, place: str, missing: bool = False) -> np.ndarray:
     """Return `values` as a read-only (N, c) float64 copy; 1-D becomes one column.
 

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from excite.errors import ExciteError, did_you_mean
+from excite.types.channel import listed
 from identify.method import METHODS, method_class
 from plants.plant import PLANTS, Plant, load_plant, settings_of
 from scenarios.cli.common import assignments, json_option, print_json, print_lines
@@ -52,7 +53,7 @@ def _plant_lines(name: str, d: dict) -> list[str]:
         lines.append(f"  settings: {', '.join(place['settings'])}")
     for key, setting in d["settings"].items():
         lines.append(
-            f"setting {key}: {_listed(setting['inputs'])} -> {_listed(setting['outputs'])}, every "
+            f"setting {key}: {listed(setting['inputs'])} -> {listed(setting['outputs'])}, every "
             f"{setting['dt'] * 1e3:g} ms, {'closed loop' if setting['closed'] else 'inputs free of feedback'}"
         )
         poles = ", ".join(f"{p['f_hz'] * 2 * math.pi:.3g} rad/s" + ("" if p["zeta"] is None else f" ({p['zeta']:.2g})")
@@ -63,10 +64,6 @@ def _plant_lines(name: str, d: dict) -> list[str]:
         lines.append(f"{title}:" if d[title] else f"{title}: none")
         lines += [f"  {k:<23} {_value(p['value']):<12} {p['unit']:<10} {p['source']}" for k, p in d[title].items()]
     return lines
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) if len(names) <= 8 else f"{', '.join(names[:6])}, … {names[-1]} ({len(names)})"
 
 
 def _value(value: Any) -> str:

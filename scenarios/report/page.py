@@ -10,6 +10,7 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from excite.files.atomic import written
+from excite.types.channel import listed
 from scenarios.report.columns import LEGEND, NONE
 from scenarios.report.drawing import to_svg
 from scenarios.report.figures import SETTING_FIGURES, all_figures, stems
@@ -133,7 +134,7 @@ def _setting(setting: SettingResult, stem: str, figures: Mapping[str, Figure]) -
     roles, name = setting.spec.roles, setting.spec.name
     kind = "in closed loop: the input depends on the output through feedback" if roles.closed else "inputs free of feedback"
     band = f", scored over {setting.band_hz[0]:.3g} to {setting.band_hz[1]:.3g} Hz" if setting.band_hz else ""
-    html = f"<p>From {escape(', '.join(roles.inputs))} to {escape(', '.join(roles.outputs))}, {kind}; "
+    html = f"<p>From {escape(listed(roles.inputs))} to {escape(listed(roles.outputs))}, {kind}; "
     html += f"sampled every {setting.dt * 1e3:.4g} ms{band}.</p>"
     html += _ranking(setting)
     if warnings := _warnings(setting):

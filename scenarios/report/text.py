@@ -5,6 +5,7 @@ from textwrap import wrap
 
 import numpy as np
 
+from excite.types.channel import listed
 from identify.estimate import Estimate, Status
 from identify.metrics import continuous_poles
 from scenarios.report.tables import certificate_text, expectations, note, number, ranking, to_text
@@ -28,7 +29,7 @@ def summary_text(result: RunResult) -> list[str]:
 def _setting(result: RunResult, setting: SettingResult) -> list[str]:
     roles, name = setting.spec.roles, setting.spec.name
     kind = "in closed loop" if roles.closed else "inputs free of feedback"
-    title = f"== {name}: {', '.join(roles.inputs)} -> {', '.join(roles.outputs)}; dt {setting.dt * 1e3:g} ms; {kind}"
+    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {setting.dt * 1e3:g} ms; {kind}"
     lines = [title, *setting.horizons.notes]
     if setting.predictor_radius is not None:
         lines.append(f"truth's predictor A - KC: spectral radius {setting.predictor_radius:.4f}")
@@ -59,7 +60,7 @@ def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str
         shown = values[: max(2 * estimate.order, 10)]
         lines.append("singular values " + " ".join(map(number, shown)) + (" …" if len(shown) < len(values) else ""))
     for name, values in fit.items():
-        each = ", ".join(f"{c.name} {v:.2f}" for c, v in zip(model.outputs, values, strict=True))
+        each = listed([f"{c.name} {v:.2f}" for c, v in zip(model.outputs, values, strict=True)])
         lines.append(f"fit on these data, {name.replace('_', ' ')}, %: {each}")
     if estimate.status is not Status.OK:
         lines.append(f"status: {estimate.status.value}")
