@@ -15,6 +15,7 @@ from excite.files import load_experiment
 from excite.types.experiment import Experiment
 from identify.model_json import plain
 
+MOST_ORDERS = 1000
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one strict JSON object instead of text.")
 
 DATA_OPTIONS = (
@@ -84,6 +85,23 @@ def assignments(pairs: tuple[str, ...], option: str) -> dict[str, Any]:
             raise ExciteError(f"{option} {pair}: give key=value, for example block_rows=20")
         values[key.strip()] = toml_value(text.strip())
     return values
+
+
+def parse_orders(text: str) -> list[int]:
+    """Parse 4, 2,4,8 or 2:10 (both ends included)."""
+    try:
+        if ":" in text:
+            first, last = (int(part) for part in text.split(":"))
+            orders = range(first, last + 1)
+        else:
+            orders = [int(part) for part in text.split(",")]
+    except ValueError:
+        orders = []
+    if len(orders) > MOST_ORDERS:
+        raise ExciteError(f"--orders {text}: {len(orders)} orders; give at most {MOST_ORDERS}")
+    if not orders or min(orders) < 1:
+        raise ExciteError(f"--orders {text}: give positive whole numbers as 4, or 2,4,8, or 2:10")
+    return sorted(set(orders))
 
 
 def print_json(value: Any) -> None:

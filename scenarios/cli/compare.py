@@ -10,12 +10,11 @@ from scenarios.cli.common import (
     data_options,
     json_option,
     new_folder,
+    parse_orders,
     print_json,
     print_lines,
     read_experiment,
 )
-
-MOST_ORDERS = 1000
 
 
 @click.command()
@@ -97,23 +96,6 @@ def _table(rows: list[dict]) -> list[str]:
     ]
     failed = [f"{row['method']} n={row['order']} failed: {row['reason']}" for row in rows if row["reason"] is not None]
     return [*to_text(["rank", "method", "order", *(f"{name} %" for name in shown)], text).splitlines(), *failed]
-
-
-def parse_orders(text: str) -> list[int]:
-    """Parse 4, 2,4,8 or 2:10 (both ends included)."""
-    try:
-        if ":" in text:
-            first, last = (int(part) for part in text.split(":"))
-            orders = range(first, last + 1)
-        else:
-            orders = [int(part) for part in text.split(",")]
-    except ValueError:
-        orders = []
-    if len(orders) > MOST_ORDERS:
-        raise ExciteError(f"--orders {text}: {len(orders)} orders; give at most {MOST_ORDERS}")
-    if not orders or min(orders) < 1:
-        raise ExciteError(f"--orders {text}: give positive whole numbers as 4, or 2,4,8, or 2:10")
-    return sorted(set(orders))
 
 
 def _number(value: float | None) -> str:

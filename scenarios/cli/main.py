@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "simulate": "scenarios.cli.signals:simulate",
     "identify": "scenarios.cli.models:identify",
     "score": "scenarios.cli.models:score",
+    "orders": "scenarios.cli.orders:orders",
     "compare": "scenarios.cli.compare:compare",
     "plants": "scenarios.cli.catalogue:plants",
     "methods": "scenarios.cli.catalogue:methods",
