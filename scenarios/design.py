@@ -90,7 +90,7 @@ def built_methods(scenario: Scenario, spec: SettingSpec, rule: Horizons) -> list
 
 def _held(scenario: Scenario, spec: SettingSpec, signal: Signal) -> int | None:
     """Samples of the setting over which the excitation is held, None when it moves every sample."""
-    hold = round(signal.dt * signal.recipe.get("hold", 1) / (scenario.plant.dt * spec.roles.every))
+    hold = round(signal.dt * (signal.recipe.get("hold") or 1) / (scenario.plant.dt * spec.roles.every))
     return hold if hold > 1 else None
 
 

@@ -177,9 +177,7 @@ def identify(path, *more, method="po_moesp", roles=ROLES):
 
 def test_files_that_cannot_be_read_are_named(tmp_path):
     values = samples()
-    missing, infinite, constant, uneven = (tmp_path / f"{n}.csv" for n in ("nan", "inf", "constant", "uneven"))
-    values[5, 1] = np.nan
-    write(missing, values)
+    infinite, constant, uneven = (tmp_path / f"{n}.csv" for n in ("inf", "constant", "uneven"))
     values[5, 1] = np.inf
     write(infinite, values)
     values[:, 1] = values[:, 0]
@@ -191,7 +189,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     (tmp_path / "folder.csv").mkdir()
     expected = {
         "absent.csv": "no such file", "folder.csv": "is a folder", "empty.csv": "is empty", "binary.csv": "not a text file",
-        "uneven.csv": "line 2 has 3 columns", "nan.csv": "sample 5 of channel 'y1' is missing",
+        "uneven.csv": "line 2 has 3 columns",
         "inf.csv": "line 6, column 1 is infinite", "constant.csv": "input 'u1' is constant (3)",
     }  # fmt: skip
     for name, text in expected.items():
@@ -200,6 +198,15 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     for name in list(expected)[:5]:
         message = refused("check", tmp_path / name, "--inputs", "0", "--dt", "0.1")
         assert name in message and expected[name] in message
+
+
+def test_missing_samples_are_left_out_and_said(tmp_path):
+    values = samples()
+    values[100, 1] = np.nan
+    code, out, err = excite(*identify(write(tmp_path / "gap.csv", values), "--order", 2, "--json"))
+    result = strict(out)
+    assert (code, err) == (0, "") and "1 of 300 samples are incomplete (NaN): 2 gap-free parts" in result["warnings"][0]
+    assert len(result["x0"]) == 1 and result["fit"]["simulation"][0] > 50
 
 
 @pytest.mark.parametrize(
@@ -249,13 +256,16 @@ def test_identify_takes_the_records_a_method_asks_for(method, tmp_path):
     paths = [tmp_path / f"{k}.csv" for k in range(len(records))]
     for record, path in zip(records, paths, strict=True):
         save_experiment(record, path)
-    result = strict(excite("identify", *paths, "--method", method, "--order", "4", "--json")[1])
+    asked = ("identify", *paths, "--method", method, "--order", "4")
+    result = strict(excite(*asked, "--json")[1])
+    assert excite(*asked)[1].startswith(f"{method}, order 4")
     assert result["method"] == method and np.shape(result["A"]) == (4, 4) and len(result["poles"]) == 4
     assert np.shape(result["x0"]) == (len(records), 4)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if method_class(name).consumes == "time series"])
 def test_identify_prints_one_strict_object(method, data):
+    assert excite(*identify(data, "--order", "3", method=method))[1].startswith(f"{method}, order 3")
     code, out, _ = excite(*identify(data, "--order", "3", "--json", method=method))
     result = strict(out)
     assert code == 0 and result["method"] == method and result["order"] == 3 and result["dt"] == 0.1
@@ -520,9 +530,7 @@ def test_orders_that_make_no_sense(orders, data, tmp_path):
 
 
 def test_compare_that_cannot_work_leaves_no_folder(data, tmp_path):
-    few, gap = write(tmp_path / "few.csv", samples(2)), samples()
-    gap[250, 1] = np.nan
-    gap = write(tmp_path / "gap.csv", gap)
+    few = write(tmp_path / "few.csv", samples(2))
     argv, out = ("--methods", "arx", *ROLES, "-o"), tmp_path / "out"
     assert "few.csv: 2 samples" in refused("compare", few, *argv, out)
     assert "absent.csv" in refused("compare", data, "--validation", tmp_path / "absent.csv", *argv, out)
@@ -530,8 +538,8 @@ def test_compare_that_cannot_work_leaves_no_folder(data, tmp_path):
     assert "is no folder" in refused("compare", data, *argv, data)
     assert "is no folder" in refused("compare", data, *argv, "")
     assert not out.exists()
-    code, text, _ = excite("compare", gap, *argv, out)
-    assert code == 2 and "missing samples" in text  # a table of reasons, but no model
+    code, text, _ = excite("compare", data, *argv, out, "--orders", "900")
+    assert code == 2 and "largest possible" in text  # a table of reasons, but no model
 
 
 # What there is ----------------------------------------------------------------------------------------------------------

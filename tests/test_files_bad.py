@@ -48,7 +48,7 @@ BAD_TEXT = {
     "t,u,y\n0,1,2\n0,1,2\n": r"time does not increase after sample 0",
     "t,u,y\n0,1,2\n,1,2\n": r"column 0: the time of sample 1 is missing",
     "u,u,y\n0,1,2\n": r"several columns are called|duplicate names|give dt",
-    "t,y\n0,1\n": r"give inputs \(--inputs\) by name or number from 0; columns: 0 't', 1 'y'",
+    "t,y\n0,1\n": r"give inputs \(--inputs\) by name or number from 0, or none .*columns: 0 't', 1 'y'",
     "a,b\n0,1\n": r"give inputs \(--inputs\) and outputs \(--outputs\) by name or number from 0; columns: 0 'a', 1 'b'",
     "u,y\n0,1\n": r"give dt in s \(--dt\) or the time column \(--time\); columns: 0 'u', 1 'y'",
     "a\0b": r"is not a text file",

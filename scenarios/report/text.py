@@ -46,15 +46,19 @@ def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str
     model = estimate.model
     lines = [f"{estimate.method}, order {estimate.order}, dt {model.dt:g} s, {estimate.seconds:.2f} s"]
     if estimate.path:
-        lines.append(f"data compressed by {estimate.path}, condition {number(estimate.condition)}")
+        condition = "" if estimate.condition is None else f", condition {number(estimate.condition)}"
+        lines.append(f"data compressed by {estimate.path}{condition}")
     poles = model.poles()
     s = continuous_poles(poles, model.dt)
+    headers, std = ["pole", "frequency Hz", "damping"], (estimate.uncertainty or {}).get("pole_std")
     rows = [
         [f"{z.real:.4f}" + (f" ± {abs(z.imag):.4f}j" if z.imag else ""), number(abs(p) / (2 * np.pi)), number(-p.real / abs(p))]
         for z, p in zip(poles, s, strict=True)
-        if z.imag >= 0
     ]
-    lines += to_text(["pole", "frequency Hz", "damping"], rows).splitlines()
+    if std is not None:
+        headers.append("standard deviation of the pole")
+        rows = [[*row, number(each)] for row, each in zip(rows, std, strict=True)]
+    lines += to_text(headers, [row for row, z in zip(rows, poles, strict=True) if z.imag >= 0]).splitlines()
     if estimate.singular_values is not None:
         values = estimate.singular_values
         shown = values[: max(2 * estimate.order, 10)]
