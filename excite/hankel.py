@@ -5,6 +5,7 @@ block row and M-independent updates give all of it; its Cholesky factor is L. Sq
 so when the factor's condition leaves what double precision can hold, a QR decomposition over chunks takes over.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,14 +16,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from excite.errors import ExciteError
 
 GRAM_CONDITION = 1e6  # beyond it the Gram form holds fewer than four digits of the smallest singular value
-CHUNK_VALUES = 4_000_000  # doubles in one chunk of explicit Hankel columns, 32 MB
+CHUNK_VALUES = 16_384  # doubles read at once: they stay in cache, and BLAS starts no threads for so few
+PRODUCT_ROWS = 16  # rows of one block's matrix product: fewer starve BLAS, more multiply lags that nobody asked for
 
 
 @dataclass(frozen=True, eq=False)
 class HankelFactor:
     """L (d, d) lower triangular with H = L Q for H (d, columns), d = rows * channels, row i*channels + a = w_a(t+i).
 
-    condition : 1-norm condition estimate of L with unit-norm rows; path : "gram-cholesky" or "blocked-qr".
+    condition : 1-norm condition estimate of L with unit-norm rows; path : "gram-cholesky" or "blocked-qr"; gram : H H^T
+    where the first path was taken.
     """
 
     L: np.ndarray
@@ -31,6 +34,7 @@ class HankelFactor:
     columns: int
     condition: float
     path: str
+    gram: np.ndarray | None = None
 
     def index(self, channel: slice | Sequence[int], start: int, stop: int) -> np.ndarray:
         """Row numbers of the given channels in block rows start:stop, time-major."""
@@ -46,7 +50,9 @@ def columns_of(segments: Sequence[np.ndarray], rows: int) -> int:
 def hankel_factor(segments: Sequence[np.ndarray], rows: int) -> HankelFactor:
     """Compress the block-Hankel matrix of several segments (N_i, c), side by side, into its triangular factor.
 
-    Raises ExciteError when the data leave no more columns than there are rows, saying how many rows they allow.
+    A segment is an array or whatever has its shape, length and slices (a memory map, an HDF5 dataset): it is read chunk
+    after chunk, twice where the Gram form does not hold. Raises ExciteError when the data leave no more columns than
+    there are rows, saying how many rows they allow.
     """
     channels = segments[0].shape[1]
     columns = columns_of(segments, rows)
@@ -57,92 +63,96 @@ def hankel_factor(segments: Sequence[np.ndarray], rows: int) -> HankelFactor:
             f"{columns}; the largest possible number of block rows is {largest_rows(segments)}"
         )
     segments = [w for w in segments if len(w) >= rows]
-    norms = np.sqrt(sum((w**2).sum(0) for w in segments) / sum(map(len, segments)))
-    norms[norms == 0] = 1.0
-    segments = [w / norms for w in segments]
-    L, condition, path = _cholesky(segments, rows, d), np.inf, "gram-cholesky"
+    gram = hankel_gram(segments, rows)
+    L = cholesky(gram)
     if L is not None:
-        condition = _condition(L)
-    if condition > GRAM_CONDITION:
-        L, path = _blocked_qr(segments, rows, d), "blocked-qr"
-        condition = _condition(L)
-    return HankelFactor(L * np.tile(norms, rows)[:, None], rows, channels, columns, condition, path)
+        condition = condition_of(L)
+        spread = np.sqrt(np.diag(gram).reshape(rows, channels))
+        if condition * (spread.max(0) / spread.min(0)).max() <= GRAM_CONDITION:
+            return HankelFactor(L, rows, channels, columns, condition, "gram-cholesky", gram)
+    L = _blocked_qr(segments, rows, d)
+    return HankelFactor(L, rows, channels, columns, condition_of(L), "blocked-qr")
 
 
 def largest_rows(segments: Sequence[np.ndarray]) -> int:
     """Largest number of block rows with at least as many columns as rows."""
-    channels, rows = segments[0].shape[1], 0
-    while columns_of(segments, rows + 1) >= (rows + 1) * channels:
-        rows += 1
-    return rows
+    channels = segments[0].shape[1]
+    return bisect_right(range(1, max(map(len, segments)) + 1), 0, key=lambda n: n * channels - columns_of(segments, n))
 
 
 def hankel_gram(segments: Sequence[np.ndarray], rows: int) -> np.ndarray:
     """Gram matrix H H^T (d, d) of the block-Hankel matrix, by displacement."""
     c = segments[0].shape[1]
-    G = np.zeros((rows, c, rows, c))
-    for w in segments:
-        M = len(w) - rows + 1
-        g = np.empty_like(G)
-        g[0] = _first_block_row(w, rows)
-        head, tail = w[:rows], w[M:]
-        for i in range(rows - 1):
-            g[i + 1, :, 1:] = g[i, :, :-1] - np.multiply.outer(head[i], head[:-1]) + np.multiply.outer(tail[i], tail)
-            g[i + 1, :, 0] = g[0, :, i + 1].T
-        G += g
+    ends = [np.stack([np.ravel(part) for part in parts]) for parts in zip(*[_ends(w, rows) for w in segments], strict=True)]
+    step = (ends[1].T @ ends[1] - ends[0].T @ ends[0]).reshape(rows - 1, c, rows - 1, c)
+    G = np.empty((rows, c, rows, c))
+    G[0] = sum(_first_block_row(w, rows) for w in segments)
+    for i in range(rows - 1):
+        np.add(G[i, :, :-1], step[i], out=G[i + 1, :, 1:])
+        G[i + 1, :, 0] = G[0, :, i + 1].T
     return G.reshape(rows * c, rows * c)
+
+
+def _ends(w: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Samples that leave and that enter the windows from one block row to the next, (rows - 1, c) each."""
+    return w[: rows - 1], w[len(w) - rows + 1 :]
 
 
 def _first_block_row(w: np.ndarray, rows: int) -> np.ndarray:
     """Sum over columns t of w(t) w(t+j)^T for j below `rows`, as (c, rows, c).
 
-    Blocks of B samples times their windows of B + rows - 1 samples, all in one matrix product X^T Y; the sum over t is
-    then that of the product's B diagonals: M (B + rows) multiplications a channel pair, where columns one by one read
-    M rows numbers from memory.
+    With B samples a line, X (blocks, B c), the products X(b)^T X(b+k) hold all pairs of samples up to k B + B - 1 apart;
+    the sum over t is then that of their B diagonals.
     """
-    c = w.shape[1]
-    M = len(w) - rows + 1
-    B = max(rows, 32)
-    blocks = -(-M // B)
-    heads, tails = np.zeros((blocks * B, c)), np.zeros(((blocks + 1) * B, c))
-    heads[:M], tails[: len(w)] = w[:M], w
-    X = heads.reshape(blocks, B * c)
-    Y = sliding_window_view(tails.reshape(-1), (B + rows - 1) * c)[:: B * c][:blocks]
-    size = max(1, CHUNK_VALUES // (8 * (B + rows) * c))
-    P = np.zeros((B * c, (B + rows - 1) * c))
+    N, c = w.shape
+    B = -(-PRODUCT_ROWS // c)
+    reach = -(-(rows - 1) // B)
+    P = np.zeros((B * c, reach + 1, B * c))
+    blocks = max(0, (N - 1) // B - reach)
+    size = max(1, CHUNK_VALUES // (B * c))
     for start in range(0, blocks, size):
-        P += X[start : start + size].T @ np.ascontiguousarray(Y[start : start + size])
-    P = P.reshape(B, c, B + rows - 1, c)
-    return sum(P[i, :, i : i + rows] for i in range(B))
+        X = np.ascontiguousarray(w[start * B : (min(start + size, blocks) + reach) * B]).reshape(-1, B * c)
+        own = X[: len(X) - reach].T
+        for k in range(reach + 1):
+            P[:, k] += own @ X[k : k + own.shape[1]]
+    P = P.reshape(B, c, (reach + 1) * B, c)
+    total = sum(P[i, :, i : i + rows] for i in range(B))
+    rest = np.ascontiguousarray(w[blocks * B :])
+    last = sliding_window_view(rest.reshape(-1), rows * c)[::c]
+    return total + (rest[: len(last)].T @ last).reshape(c, rows, c)
 
 
-def _cholesky(segments: Sequence[np.ndarray], rows: int, d: int) -> np.ndarray | None:
-    try:
-        return la.cholesky(hankel_gram(segments, rows), lower=True)
-    except la.LinAlgError:
-        return None
+def cholesky(gram: np.ndarray) -> np.ndarray | None:
+    """Lower triangular factor of a symmetric matrix, None when it is not positive definite to rounding."""
+    upper, info = la.lapack.dpotrf(gram.T, lower=False)  # its transpose is lower triangular and stored by rows
+    return upper.T if info == 0 and np.isfinite(upper[-1, -1]) else None
 
 
-def _condition(L: np.ndarray) -> float:
+def condition_of(L: np.ndarray) -> float:
     """1-norm condition estimate of L after scaling its rows to unit norm."""
     scale = np.linalg.norm(L, axis=1)
     if (scale == 0).any() or (np.diag(L) == 0).any():
         return np.inf
-    reciprocal, _ = la.lapack.dtrcon(L / scale[:, None], norm="1", uplo="L")
+    reciprocal, _ = la.lapack.dtrcon((L / scale[:, None]).T, norm="I", uplo="U")
     return 1 / reciprocal if reciprocal > 0 else np.inf
 
 
 def _blocked_qr(segments: Sequence[np.ndarray], rows: int, d: int) -> np.ndarray:
     """Triangular factor by QR of chunk after chunk of Hankel columns; memory bounded, condition not squared."""
-    R = np.zeros((0, d))
-    size = max(d, CHUNK_VALUES // d)
+    R = np.zeros((d, d), order="F")
+    size = max(8 * d, CHUNK_VALUES // d)
     for w in segments:
-        windows = sliding_window_view(np.ascontiguousarray(w).reshape(-1), d)[:: w.shape[1]]
-        for start in range(0, len(windows), size):
-            (R,) = la.qr(np.vstack([R, windows[start : start + size]]), mode="r", overwrite_a=True, check_finite=False)
-            R = R[:d]
+        for start in range(0, len(w) - rows + 1, size):
+            chunk = np.ascontiguousarray(w[start : start + size + rows - 1])
+            R = append_rows(R, sliding_window_view(chunk.reshape(-1), d)[:: w.shape[1]])
     signs = np.where(np.diag(R) < 0, -1.0, 1.0)
     return (signs[:, None] * R).T
+
+
+def append_rows(R: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the upper triangular factor of [R; rows], R (d, d) being one already; it is overwritten."""
+    below = np.array(rows, order="F")
+    return la.lapack.dtpqrt(0, min(32, len(R)), R, below, overwrite_a=True, overwrite_b=True)[0]
 
 
 def _lengths(segments: Sequence[np.ndarray]) -> str:

@@ -13,20 +13,33 @@ from excite.errors import ExciteError, Unsupported, did_you_mean
 from excite.types.experiment import Experiment
 from identify.estimate import Estimate, Status
 from identify.orders import largest_gap
+from identify.preprocess import gap_free, out_of_range, proportional
 
 Data = Experiment | Sequence[Experiment]
 
 # One line adds a method: name -> "module:class".
 METHODS: dict[str, str] = {
     "arx": "identify.prediction_error.arx:Arx",
+    "cobra": "identify.realization.cobra:Cobra",
     "cva": "identify.subspace.n4sid:Cva",
+    "era": "identify.realization.era:Era",
+    "ho_kalman": "identify.realization.ho_kalman:HoKalman",
     "iem": "identify.subspace.iem:Iem",
+    "io_realization": "identify.realization.io_realization:IoRealization",
+    "moesp": "identify.subspace.moesp:Moesp",
     "n4sid": "identify.subspace.n4sid:N4sid",
+    "okid": "identify.realization.okid:Okid",
     "parsim_k": "identify.subspace.parsim_k:ParsimK",
     "pbsid": "identify.subspace.pbsid:Pbsid",
+    "pi_moesp": "identify.subspace.pi_moesp:PiMoesp",
     "po_moesp": "identify.subspace.po_moesp:PoMoesp",
-    "ssinnov1": "identify.subspace.ssinnov1:Ssinnov1",
+    "sbr": "identify.realization.sbr:Sbr",
     "ssarx": "identify.subspace.ssarx:Ssarx",
+    "ssi_cov": "identify.stochastic.ssi_cov:SsiCov",
+    "ssi_data": "identify.stochastic.ssi_data:SsiData",
+    "ssinnov1": "identify.subspace.ssinnov1:Ssinnov1",
+    "ssinnov2": "identify.subspace.ssinnov2:Ssinnov2",
+    "wfa": "identify.subspace.wfa:Wfa",
 }
 
 
@@ -34,12 +47,17 @@ METHODS: dict[str, str] = {
 class Method(ABC):
     """One identification method; its fields are its settings, under the literature's names.
 
-    closed_loop : consistent when the input depends on past outputs through feedback; summary : one line for lists.
+    closed_loop : consistent when the input depends on past outputs through feedback; summary : one line for lists;
+    consumes : what the records hold: any input ("time series"), an impulse in one input a record or a free decay
+    ("impulse responses"), steps ("step responses"), or no input at all ("outputs");
+    asymptotic : exact only as the records grow, even without noise (sample covariances have ends).
     """
 
     name: ClassVar[str]
     summary: ClassVar[str]
     closed_loop: ClassVar[bool]
+    consumes: ClassVar[str] = "time series"
+    asymptotic: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for setting in fields(self):
@@ -53,19 +71,26 @@ class Method(ABC):
     def unsupported(self, data: Data) -> str | None:
         """Return why this method cannot take the data, or None."""
         data = experiments(data)
+        if self.consumes in ("time series", "step responses") and not data[0].inputs:
+            return "the data have no input, and this method identifies the path from inputs to outputs; name the inputs"
         for k, experiment in enumerate(data):
             record = f"record {k}: " if len(data) > 1 else ""
             if experiment.dt is None:
                 return f"{record}sampling is not uniform, and this method needs one sampling time; resample the record"
             for key, channels in (("u", experiment.inputs), ("y", experiment.outputs)):
                 values = getattr(experiment, key)
-                missing = np.isnan(values)
-                if missing.any():
+                if self.span(1) is None and (missing := np.isnan(values)).any():
                     row, column = np.argwhere(missing)[0]
                     return (
                         f"{record}sample {row} of channel '{channels[column].name}' is missing (NaN), {missing.sum()} in all; "
                         "fill them or give the gap-free parts as separate records"
                     )
+            if reason := out_of_range(experiment):
+                return record + reason
+        return None
+
+    def span(self, order: int) -> int | None:
+        """Consecutive samples that one equation takes: records split into parts at gaps; None: gaps are not taken."""
         return None
 
     @abstractmethod
@@ -96,6 +121,9 @@ class Method(ABC):
         """Raise Unsupported or ExciteError when the data or the order cannot work."""
         if reason := self.unsupported(data):
             raise Unsupported(f"{self.name}: {reason}")
+        data = experiments(data)
+        if self.consumes == "time series" and (reason := proportional(gap_free(data, 1).parts)):
+            raise ExciteError(reason)
         if order is not None:
             check_order(self.name, order, self.largest_order(data))
 
@@ -106,6 +134,9 @@ class Method(ABC):
         self.check(data, order)
         factor = self.prepare(data) if factor is None else factor
         estimate = self.realize(factor, order)
+        if (span := self.span(estimate.order)) and (records := gap_free(data, span)).missing:
+            x0 = tuple(estimate.x0[i] for i in records.first)
+            estimate = replace(estimate, x0=x0, warnings=(records.report(span), *estimate.warnings))
         settings = asdict(self)
         open_loop = not any(experiment.loop.closed for experiment in data)
         if open_loop and estimate.status is Status.OK and np.abs(estimate.model.poles()).max(initial=0) > 1 + 1e-6:
@@ -143,6 +174,8 @@ def order_or_gap(order: int | None, singular_values: np.ndarray, largest: int) -
     """Return the order asked for, or the one before the largest singular-value gap with a warning that says so."""
     if order is not None:
         return order, ()
+    if len(singular_values) < 2:
+        raise ExciteError("a single singular value shows no gap to choose the order at; give the order")
     chosen, ratio = largest_gap(singular_values[: largest + 1])
     return chosen, (f"order {chosen} chosen at the largest singular-value gap (ratio {ratio:.3g}); give the order to fix it",)
 

@@ -7,6 +7,7 @@ import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
 from excite.types.models import Model
+from excite.types.modes import continuous_poles
 
 
 def fit_percent(y: np.ndarray, yhat: np.ndarray) -> np.ndarray:
@@ -57,12 +58,6 @@ class PoleErrors:
 INTEGRATOR = 1e-6  # |s| dt below which a true pole counts as an integrator
 
 
-def continuous_poles(poles: np.ndarray, dt: float) -> np.ndarray:
-    """s = log(lambda) / dt, rad/s; poles at the origin are put at |lambda| = 1e-12."""
-    safe = np.where(np.abs(poles) < 1e-12, 1e-12, poles)
-    return np.log(safe.astype(complex)) / dt
-
-
 def pole_errors(true: np.ndarray, estimated: np.ndarray, dt: float) -> PoleErrors:
     """Match z-plane poles by optimal assignment of |s - shat| in the s-plane and return the errors.
 
@@ -104,11 +99,11 @@ def frf_errors(model: Model, truth: Model, band_hz: tuple[float, float], points:
     return float(np.sqrt(power[0] / power[1])), float(peak.max())
 
 
-def default_band(truth: Model) -> tuple[float, float]:
+def default_band(poles: np.ndarray, dt: float) -> tuple[float, float]:
     """Band for frf_errors when none is given: from a third of the slowest pole (not an integrator) to 0.4 of the rate."""
-    s = np.abs(continuous_poles(truth.poles(), truth.dt)) / (2 * np.pi)
-    s = s[s * truth.dt > INTEGRATOR]
-    high = 0.4 / truth.dt
+    s = np.abs(continuous_poles(poles, dt)) / (2 * np.pi)
+    s = s[s * dt > INTEGRATOR]
+    high = 0.4 / dt
     return min(s.min(initial=high) / 3, high / 10), high
 
 

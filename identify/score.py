@@ -12,6 +12,9 @@ from excite.types.truth import Truth
 from identify import metrics
 from identify.estimate import Estimate
 from identify.ground.initial_state import initial_state
+from identify.preprocess import gap_free
+
+PART = 10  # samples a state in a gap-free part, lest the initial state alone explain it
 
 # Metrics that the scenario file and tables may name, with their unit and whether smaller is better.
 METRICS: dict[str, tuple[str, bool]] = {
@@ -55,17 +58,20 @@ def score(
 ) -> Score:  # fmt: skip
     """Score an estimate (or a model) on a validation record, and against the truth when it is given.
 
-    Simulation and one-step prediction start from the initial state that fits the record best. horizons : further
-    prediction horizons in samples, reported as fit_<h>_step. A model without noise part is not scored on prediction.
-    clean : the noise-free twin of a simulated validation run, scored as fit_clean (simulation) and, at the longest
-    horizon, fit_clean_<h>_step.
+    Simulation and one-step prediction start from the initial state that fits the record best; where samples are missing,
+    each gap-free part does, of at least PART samples a state (or the longest). horizons : further prediction horizons in
+    samples, reported as fit_<h>_step. A model without noise part is not scored on prediction. clean : the noise-free twin
+    of a simulated validation run, scored as fit_clean (simulation) and, at the longest horizon, fit_clean_<h>_step.
     """
     model = estimate.model if isinstance(estimate, Estimate) else estimate
     check_same_system(model, validation)
     values, per_output = {}, {}
-    for name, yhat in predictions(model, validation, horizons).items():
+    parts = gap_free((validation,), PART * model.to_state_space().order).parts
+    y, predicted = np.concatenate([part.y for part in parts]), [predictions(model, part, horizons) for part in parts]
+    for name in predicted[0]:
+        yhat = np.concatenate([each[name] for each in predicted])
         for metric, function in (("fit", metrics.fit_percent), ("vaf", metrics.vaf_percent)):
-            raw = function(validation.y, yhat)
+            raw = function(y, yhat)
             per_output[f"{metric}_{name}"] = tuple(np.maximum(raw, 0).tolist())
             per_output[f"{metric}_{name}_unclipped"] = tuple(raw.tolist())
     values |= {name: float(np.mean(each)) for name, each in per_output.items()}
@@ -117,7 +123,7 @@ def truth_errors(model: Model, truth: Truth, band_hz: tuple[float, float] | None
         raise ExciteError(f"truth has dt {true.dt} s, the model {model.dt} s; lift the truth to the model's rate")
     p = metrics.pole_errors(truth.poles, model.poles(), true.dt)
     relative = np.concatenate([p.relative, np.ones(p.missing)])
-    h2, peak = metrics.frf_errors(model, true, band_hz or metrics.default_band(true))
+    h2, peak = metrics.frf_errors(model, true, band_hz or metrics.default_band(truth.poles, true.dt))
 
     def worst(errors: np.ndarray) -> float:
         return float(np.nanmax(errors)) if np.isfinite(errors).any() else float("nan")
@@ -142,5 +148,3 @@ def check_same_system(model: Model, experiment: Experiment) -> None:
             raise ExciteError(
                 f"the model has {len(getattr(model, what))} {what}, the record {columns.shape[1]}; choose the channels"
             )
-        if np.isnan(columns).any():
-            raise ExciteError(f"the record has missing samples (NaN) in its {what}; score a gap-free part")

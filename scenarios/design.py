@@ -38,6 +38,11 @@ def make_design(scenario: Scenario) -> Design:
     with placed(f"{scenario.file}: excitation"):
         first = replace(signal, u=signal.u[:1], period=None)
         recording = scenario.plant.run(first, inject=scenario.inject, noise=False)
+    if recording.dt is None:
+        raise ExciteError(
+            f"{scenario.file}: plant.parameters: they have the plant sample at uneven times, which no scenario can take; have it "
+            "sample uniformly, or record it by `excite simulate`"
+        )
     certificates, chosen, warnings = {}, {}, list(signal.recipe.get("warnings", ()))
     for i, spec in enumerate(scenario.settings):
         with placed(f"{scenario.file}: setting[{i}]"):
@@ -73,7 +78,7 @@ def setting_horizons(scenario: Scenario, spec: SettingSpec, signal: Signal) -> H
         return Horizons(spec.decimate, 20, 20, (f"decimation {spec.decimate} and the methods' own horizons: no truth",))
     try:
         truth = setting_truth(scenario, spec)
-        return horizons(truth.model, None if spec.roles.closed else _held(scenario, spec, signal), spec.decimate)
+        return horizons(truth, None if spec.roles.closed else _held(scenario, spec, signal), spec.decimate)
     except (np.linalg.LinAlgError, ExciteError) as error:
         given = scenario.source["plant"].get("parameters", {})
         raise ExciteError(

@@ -240,7 +240,7 @@ class _Judge:
         self.steps = tuple(max(1, round(h / dt)) for h in scenario.horizons_s)
         self.band = scenario.bands_hz.get(spec.name)
         if self.band is None and self.truth is not None:
-            self.band = default_band(self.truth.model)
+            self.band = default_band(self.truth.poles, self.truth.model.dt)
 
         self.floor = None
         if self.truth is not None:

@@ -5,7 +5,7 @@ from math import ceil, log
 
 import numpy as np
 
-from excite.types.models import StateSpaceModel
+from excite.types.truth import Truth
 from identify.ground.kalman import spectral_radius
 from identify.metrics import INTEGRATOR, continuous_poles
 
@@ -31,30 +31,31 @@ class Horizons:
         return {name: value for name, value in names.items() if name in method.__dataclass_fields__}
 
 
-def horizons(truth: StateSpaceModel, hold: int | None, decimate: int | str) -> Horizons:
+def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
     """Return decimation and horizons for data like `truth`'s.
 
     hold : samples over which u is constant, None when it moves every sample (then nothing is decimated: only an input
     held over whole decimated intervals keeps the decimated model exact); decimate : a number, or "auto".
     """
-    s = np.abs(continuous_poles(truth.poles(), truth.dt))
-    moving = s[s * truth.dt > INTEGRATOR]
+    dt = truth.model.dt
+    s = np.abs(continuous_poles(truth.poles, dt))
+    moving = s[s * dt > INTEGRATOR] if (s * dt > INTEGRATOR).any() else np.array([1 / dt])
     slow, fast = moving.min(), moving.max()
     notes = [f"slowest pole {slow:.2f} rad/s, fastest {fast:.1f} rad/s" + (", integrators aside" if len(moving) < len(s) else "")]
     if decimate != "auto":
         every = decimate
-        notes.append(f"decimation {every}, as the scenario says: dt {_ms(every * truth.dt)}")
+        notes.append(f"decimation {every}, as the scenario says: dt {_ms(every * dt)}")
     elif hold is None:
         every = 1
-        notes.append(f"no decimation: the input moves every sample; dt {_ms(truth.dt)}")
+        notes.append(f"no decimation: the input moves every sample; dt {_ms(dt)}")
     else:
-        most = 2 * np.pi / fast / SAMPLES_PER_CYCLE / truth.dt
+        most = 2 * np.pi / fast / SAMPLES_PER_CYCLE / dt
         every = max(q for q in range(1, hold + 1) if hold % q == 0 and q <= max(most, 1))
         notes.append(
             f"decimation {every}: the largest divisor of the input's hold ({hold} samples) with {SAMPLES_PER_CYCLE} or "
-            f"more samples a cycle of the fastest pole; dt {_ms(every * truth.dt)}"
+            f"more samples a cycle of the fastest pole; dt {_ms(every * dt)}"
         )
-    lifted = truth.lift(every)
+    lifted = truth.model.lift(every)
     rows = HORIZON / (slow * lifted.dt)
     future = max(LEAST_ROWS, ceil(rows))
     notes.append(

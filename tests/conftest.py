@@ -5,8 +5,12 @@ import os
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
 import pytest
+import scipy.linalg as la
 from hypothesis import settings
+
+from excite.types.models import StateSpaceModel
 
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
@@ -39,3 +43,25 @@ def fastest():
         return min(times), result
 
     return best
+
+
+@pytest.fixture(scope="session")
+def system():
+    """Return a function: n states of modulus 0.9 spread over the circle (one real, 0.7, where n is odd), 2 inputs, 3 outputs."""
+
+    def build(n, seed=0):
+        rng = np.random.default_rng(seed)
+        turns = [0.9 * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]]) for w in np.linspace(0.3, 2.6, n // 2)]
+        A = la.block_diag(*turns, *[[[0.7]]] * (n % 2))
+        B, C, D = (rng.standard_normal(shape) for shape in ((n, 2), (3, n), (3, 2)))
+        return StateSpaceModel(A, B, C, D, 1.0)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def miller_31():
+    """Example 3.1 of seed 001: two lightly damped modes seen by two outputs."""
+    A = la.block_diag([[0.95, 0.1], [-0.1, 0.95]], [[0.93, 0.3], [-0.3, 0.93]])
+    C = [[0.4039, 0.4039, -0.0955, -0.2196], [0.2, 0.3, -0.4, 0.3]]
+    return StateSpaceModel(A, [[-0.01209], [0.2429], [0], [0.4246]], C, np.zeros((2, 1)), 1.0)

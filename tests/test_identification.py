@@ -61,25 +61,6 @@ def test_order_is_found_at_the_gap():
     assert largest_gap([5.0, 4.0, 3.0, 1e-15, 1e-16])[0] == 3
 
 
-@pytest.mark.parametrize("n", [2, 6, 12])
-def test_po_moesp_is_exact_without_noise(n):
-    rng = np.random.default_rng(n)
-    angles = np.linspace(0.3, 2.6, n // 2)
-    poles = np.concatenate([0.9 * np.exp(1j * angles), 0.9 * np.exp(-1j * angles)])
-    A = np.real(np.diag(poles[: n // 2]))
-    blocks = [[[p.real, p.imag], [-p.imag, p.real]] for p in poles[: n // 2]]
-    A = np.zeros((n, n))
-    for i, block in enumerate(blocks):
-        A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = block
-    truth = StateSpaceModel(A, rng.standard_normal((n, 2)), rng.standard_normal((3, n)), rng.standard_normal((3, 2)), 1.0)
-    u, x0 = rng.standard_normal((1500, 2)), rng.standard_normal(n)
-    estimate = fit(Experiment(u, truth.simulate(u, x0), dt=1.0), "po_moesp", order=n, block_rows=15)
-    assert pole_error(poles, estimate.model.poles()) < 1e-9
-    assert impulse_error(estimate.model, truth) < 1e-8
-    simulated = estimate.model.simulate(u, estimate.x0[0])
-    np.testing.assert_allclose(simulated, truth.simulate(u, x0), atol=1e-7)
-
-
 @pytest.mark.parametrize("method", ["iem", "ssarx"])
 def test_closed_loop_error_falls_with_the_root_of_the_record(method):
     """e_h of the loop of seed 003 V-B: four times the samples, half the error; PO-MOESP stays where it is."""
@@ -184,11 +165,3 @@ def test_records_must_be_of_one_kind():
         fit((data, Experiment(data.u, data.y, dt=0.2)), "arx", 2)
     with pytest.raises(Unsupported, match="not uniform"):
         fit(Experiment([1, 2, 3], [1, 2, 3], time_s=[0, 1, 5]), "arx", 1)
-
-
-def test_of_several_records_the_one_with_a_gap_is_named():
-    data, _ = example()
-    y = data.y.copy()
-    y[3, 0] = np.nan
-    with pytest.raises(Unsupported, match="record 1: sample 3 of channel 'y1' is missing"):
-        fit((data, Experiment(data.u, y, dt=data.dt)), "arx", 2)

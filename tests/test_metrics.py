@@ -9,6 +9,7 @@ from excite.types.models import StateSpaceModel
 from excite.types.truth import Truth
 from identify import metrics
 from identify.estimate import Estimate
+from identify.ground.initial_state import initial_state
 from identify.model_json import estimate_from_dict, estimate_to_dict
 from identify.score import score, truth_errors
 
@@ -96,10 +97,21 @@ def test_models_are_scored_only_on_data_of_their_own_rate_and_shape():
         score(first_order(), Experiment(u, u, dt=0.2))
     with pytest.raises(ExciteError, match="the model has 1 inputs, the record 2"):
         score(first_order(), Experiment(np.hstack([u, u]), u, dt=0.1))
-    holed = u.copy()
-    holed[3] = np.nan
-    with pytest.raises(ExciteError, match="missing samples"):
-        score(first_order(), Experiment(u, holed, dt=0.1))
+
+
+def test_gap_free_parts_are_scored_together_from_initial_states_of_their_own():
+    rng = np.random.default_rng(2)
+    truth, u = first_order(K=[[0.5]]), rng.standard_normal((400, 1))
+    y = truth.simulate(u, [3.0])
+    y[[150, 155]] = np.nan  # four samples between are too few to judge
+    values = score(truth, Experiment(u, y, dt=0.1)).values
+    assert values["fit_simulation"] == pytest.approx(100, abs=1e-6) == values["fit_one_step"]
+    wrong, residual = first_order(0.8, K=[[0.5]]), []
+    for part in (Experiment(u[:150], y[:150], dt=0.1), Experiment(u[156:], y[156:], dt=0.1)):
+        residual.append(part.y - wrong.simulate(part.u, initial_state(wrong, part, predictor=False)))
+    judged, residual = np.r_[y[:150], y[156:]], np.concatenate(residual)
+    expected = 100 * (1 - np.linalg.norm(residual) / np.linalg.norm(judged - judged.mean()))
+    assert score(wrong, Experiment(u, y, dt=0.1)).per_output["fit_simulation_unclipped"][0] == pytest.approx(expected)
 
 
 def test_estimates_survive_json_and_hold_no_nan():

@@ -82,7 +82,7 @@ def setting_result(name, closed, runs=2):
     spec = SettingSpec(name, Roles(("flap", "tab"), tuple(OUTPUTS), closed=closed), False)
     return SettingResult(
         spec=spec, dt=DT, horizons=Horizons(1, 12, 12, ("past 12 rows & more",)), horizons_s=(0.2,), truth=truth(),
-        band_hz=default_band(truth().model), validation=validation, clean=clean, rows=tuple(rows),
+        band_hz=default_band(truth().poles, truth().model.dt), validation=validation, clean=clean, rows=tuple(rows),
         truth_score=score(truth().model, validation, truth(), clean=clean),
     )  # fmt: skip
 

@@ -33,14 +33,21 @@ LOOP_TRUTH = closed_loop(3, 0)[1]
 
 
 def horizons(name, rows):
-    return {"block_rows": rows} if name == "po_moesp" else {"past": rows, "future": rows}
+    return {"block_rows": rows} if name.endswith("moesp") else {"past": rows, "future": rows}
 
 
-@pytest.mark.parametrize("name", ["ssarx", "cva", "n4sid", "po_moesp", "ssinnov1", "iem", "pbsid", "parsim_k"])
-def test_open_loop_reaches_the_cramer_rao_bound(open_runs, name):
-    errors = [
-        impulse_error(fit(run, name, 1, feedthrough=True, **horizons(name, 20)).model, OPEN_TRUTH) for run in open_runs
-    ]
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        *((name, {}) for name in (
+            "ssarx", "cva", "n4sid", "po_moesp", "pi_moesp", "ssinnov1", "ssinnov2", "iem", "pbsid", "parsim_k", "wfa",
+        )),
+        ("n4sid", {"algorithm": "robust"}),
+    ],
+)  # fmt: skip
+def test_open_loop_reaches_the_cramer_rao_bound(open_runs, name, settings):
+    settings = {"feedthrough": True, **settings, **horizons(name, 20)}
+    errors = [impulse_error(fit(run, name, 1, **settings).model, OPEN_TRUTH) for run in open_runs]
     assert 0.015 < np.median(errors) <= 0.020
 
 
@@ -50,8 +57,10 @@ def test_open_loop_reaches_the_cramer_rao_bound(open_runs, name):
         ("ssarx", 4, 20, 0.027),
         ("ssarx", 2, 30, 0.024),
         ("ssinnov1", 2, 30, 0.021),
+        ("ssinnov2", 2, 30, 0.021),
         ("cva", 4, 20, 0.029),
         ("pbsid", 4, 20, 0.027),
+        ("wfa", 4, 20, 0.027),
     ],
 )
 def test_closed_loop_impulse_response(loop_runs, name, order, rows, bound):
@@ -67,23 +76,13 @@ def test_parsim_k_poles_in_closed_loop(loop_runs):
     assert np.median(errors) <= 0.014
 
 
-def test_ssinnov1_guards_its_stability_and_says_so(loop_runs):
+@pytest.mark.parametrize("name", ["ssinnov1", "ssinnov2"])
+def test_the_method_guards_its_stability_and_says_so(loop_runs, name):
     """At too high an order the bare method goes unstable in many runs; guarded, in none."""
-    bare = [fit(run, "ssinnov1", 4, stability_guard=False) for run in loop_runs[:40]]
+    bare = [fit(run, name, 4, stability_guard=False) for run in loop_runs[:40]]
     unstable = [np.abs(e.model.poles()).max() > 1 for e in bare]
     assert sum(unstable) > 5
     for run, was_unstable in zip(loop_runs[:40], unstable, strict=True):
-        guarded = fit(run, "ssinnov1", 4)
+        guarded = fit(run, name, 4)
         assert np.abs(guarded.model.poles()).max() < 1
         assert any("stability_guard" in warning for warning in guarded.warnings) == was_unstable
-
-
-@pytest.mark.parametrize("name", ["n4sid", "cva"])
-def test_oblique_projections_are_exact_without_noise(name):
-    rng = np.random.default_rng(0)
-    A = np.array([[0.9, 0.3, 0, 0], [-0.3, 0.9, 0, 0], [0, 0, 0.5, 0.6], [0, 0, -0.6, 0.5]]) * 0.95
-    truth = StateSpaceModel(A, rng.standard_normal((4, 2)), rng.standard_normal((2, 4)), rng.standard_normal((2, 2)), 1.0)
-    u = rng.standard_normal((1000, 2))
-    model = fit(Experiment(u, truth.simulate(u), dt=1.0), name, 4, past=10, future=10).model
-    cost = np.abs(np.subtract.outer(truth.poles(), model.poles()))
-    assert cost[linear_sum_assignment(cost)].max() < 1e-9 and impulse_error(model, truth) < 1e-8

@@ -54,8 +54,12 @@ class Experiment:
             raise ExciteError("Experiment: give dt in seconds, or time_s")
         if self.dt is not None:
             object.__setattr__(self, "dt", positive(self.dt, "Experiment.dt"))
-        time = np.arange(len(self.u)) * self.dt if self.time_s is None else self.time_s
-        object.__setattr__(self, "time_s", time_axis(time, len(self.u), "Experiment.time_s"))
+        if self.time_s is None:
+            time = np.arange(len(self.u)) * self.dt
+            time.flags.writeable = False
+        else:
+            time = time_axis(self.time_s, len(self.u), "Experiment.time_s")
+        object.__setattr__(self, "time_s", time)
         object.__setattr__(self, "loop", self.loop or Loop())
         object.__setattr__(self, "period", period_of(self.period, "Experiment.period"))
 

@@ -10,6 +10,8 @@ import scipy.linalg as la
 from excite import lti
 from excite.errors import ExciteError
 from excite.types.channel import Channel, channels_for, positive
+from excite.types.continuous import ContinuousModel, invert_hold
+from excite.types.modes import Mode, modal_basis, modes_of
 
 if TYPE_CHECKING:
     import control
@@ -139,6 +141,38 @@ class StateSpaceModel:
         names = [c.name for c in self.inputs], [c.name for c in self.outputs]
         return control.StateSpace(self.A, self.B, self.C, self.D, self.dt, inputs=names[0], outputs=names[1])
 
+    def to_continuous(self) -> ContinuousModel:
+        """Return the deterministic part in continuous time, for an input held between samples; offsets stay what they are.
+
+        Raises ExciteError for a pole that no continuous-time model has (`continuous.invert_hold`).
+        """
+        A, B = invert_hold(self.A, self.B, self.dt)
+        return ContinuousModel(A, B, self.C, self.D, self.inputs, self.outputs)
+
+    def modes(self) -> tuple[Mode, ...]:
+        """Natural frequencies, dampings, time constants and mode shapes, slowest first."""
+        return modes_of(self.A, self.C, self.dt)
+
+    def to_modal(self) -> "StateSpaceModel":
+        """Return the model with A block-diagonal, one block a mode, slowest first, and the mode shapes as columns of C."""
+        T, A = modal_basis(self.A, self.C)
+        K = None if self.K is None else la.solve(T, self.K)
+        return replace(self, A=A, B=la.solve(T, self.B), C=self.C @ T, K=K)
+
+    def select(self, outputs: Sequence[str]) -> "StateSpaceModel":
+        """Return the model of the named outputs alone; K is then the steady Kalman gain for what they show."""
+        known = [c.name for c in self.outputs]
+        keep = [known.index(name) for name in outputs]
+        K, cov = self.K, self.innovation_cov
+        if K is not None and cov is not None and len(keep) < len(known):
+            K, cov = kalman_gain(self.A, self.C[keep], K @ cov @ K.T, cov[np.ix_(keep, keep)], K @ cov[:, keep])
+        elif K is not None:
+            K, cov = K[:, keep], None if cov is None else cov[np.ix_(keep, keep)]
+        return replace(
+            self, C=self.C[keep], D=self.D[keep], K=K, innovation_cov=cov, outputs=[self.outputs[i] for i in keep],
+            output_offset=self.output_offset[keep],
+        )  # fmt: skip
+
     def lift(self, every: int) -> "StateSpaceModel":
         """Return the model at dt * every, for an input held over each longer interval of `every` samples.
 
@@ -167,11 +201,11 @@ def kalman_gain(
     ExciteError when there is none.
     """
     try:
-        P = la.solve_discrete_are(A.T, C.T, (Q + Q.T) / 2, R, s=S)
-    except la.LinAlgError as error:
+        P = la.solve_discrete_are(A.T, C.T, (Q + Q.T) / 2, (R + R.T) / 2, s=S)
+        innovation = C @ P @ C.T + R
+        return la.solve(innovation, (A @ P @ C.T + S).T, assume_a="pos").T, (innovation + innovation.T) / 2
+    except (la.LinAlgError, ValueError) as error:  # the latter when the eigenvalues cannot be sorted
         raise ExciteError(f"no steady Kalman gain exists for this noise ({error}); give every output some noise") from error
-    innovation = C @ P @ C.T + R
-    return la.solve(innovation, (A @ P @ C.T + S).T, assume_a="pos").T, (innovation + innovation.T) / 2
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,20 @@
 """Past-future data compressed into one triangular factor, from which every subspace method takes its rows."""
 
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.hankel import HankelFactor, hankel_factor
+from excite.hankel import GRAM_CONDITION, HankelFactor, cholesky, condition_of, hankel_factor
 from excite.persistency import RANK_TOLERANCE, certify
 from excite.types.experiment import Experiment
+
+RANK = 1e-11  # singular values of scaled rows below this fraction of the largest are rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +29,13 @@ class PastFuture:
     experiments: tuple[Experiment, ...]
     past: int
     future: int
+    memory: dict[Hashable, Any] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, compute: Callable[["PastFuture"], Any]) -> Any:
+        """Return compute(self), computed at the first call with this key: what all orders of one method share."""
+        if key not in self.memory:
+            self.memory[key] = compute(self)
+        return self.memory[key]
 
     @property
     def nu(self) -> int:
@@ -48,18 +60,41 @@ class PastFuture:
         return np.vstack([self.u(shift, shift + self.past), self.y(shift, shift + self.past)])
 
 
-def joint_segments(experiments: tuple[Experiment, ...]) -> list[np.ndarray]:
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """[u, y] of one experiment, (N, nu + ny), joined slice by slice, so that no long record is copied."""
+
+    experiment: Experiment
+
+    def __len__(self) -> int:
+        return len(self.experiment)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(N, nu + ny)."""
+        return len(self), self.experiment.u.shape[1] + self.experiment.y.shape[1]
+
+    def __getitem__(self, part: slice) -> np.ndarray:
+        return np.hstack([self.experiment.u[part], self.experiment.y[part]])
+
+
+def joint_segments(experiments: tuple[Experiment, ...]) -> list[Joint]:
     """Return [u, y] of each experiment, (N_i, nu + ny), refusing constant channels."""
-    segments = [np.hstack([e.u, e.y]) for e in experiments]
-    low, high = (f(np.array([f(w, axis=0) for w in segments]), axis=0) for f in (np.min, np.max))
-    inputs, outputs = experiments[0].inputs, experiments[0].outputs
-    for i in np.flatnonzero(low == high):
+    segments = [Joint(e) for e in experiments]
+    first, constant = segments[0][:1], np.ones(segments[0].shape[1], bool)
+    for w in segments:
+        for start in range(0, len(w), 1000):
+            if not constant.any():  # as a rule after the first thousand samples
+                return segments
+            constant &= (w[start : start + 1000] == first).all(0)
+    inputs, outputs, value = experiments[0].inputs, experiments[0].outputs, first[0]
+    for i in np.flatnonzero(constant):
         if i < len(inputs):
             raise ExciteError(
-                f"input '{inputs[i].name}' is constant ({low[i]:g}), so it is persistently exciting of order "
-                f"{int(low[i] != 0)} only; excite it or drop the channel"
+                f"input '{inputs[i].name}' is constant ({value[i]:g}), so it is persistently exciting of order "
+                f"{int(value[i] != 0)} only; excite it or drop the channel"
             )
-        raise ExciteError(f"output '{outputs[i - len(inputs)].name}' is constant ({low[i]:g}); drop the channel")
+        raise ExciteError(f"output '{outputs[i - len(inputs)].name}' is constant ({value[i]:g}); drop the channel")
     return segments
 
 
@@ -69,24 +104,71 @@ def compress(experiments: tuple[Experiment, ...], past: int, future: int) -> Pas
     Raises ExciteError when the future inputs are not of full row rank, naming the order of persistency found and needed.
     """
     data = PastFuture(hankel_factor(joint_segments(experiments), past + future), experiments, past, future)
-    future_inputs = data.u(past, past + future)
-    singular = la.svdvals(future_inputs / np.linalg.norm(future_inputs, axis=1, keepdims=True))
-    if singular[-1] < RANK_TOLERANCE * singular[0]:
-        found = certify(experiments, block_rows=future).order
-        raise ExciteError(
-            f"the input is persistently exciting of order {found}, but {future} future rows need order {future}; "
-            "excite more frequencies, or shorten the future horizon"
-        )
+    require_excitation(data, past, past + future, "future rows")
     return data
+
+
+def require_excitation(data: PastFuture, start: int, stop: int, what: str) -> None:
+    """Refuse inputs whose block rows start:stop are not of full row rank, naming `what` they are."""
+    rows = data.u(start, stop)
+    singular = la.svdvals(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    if singular[-1] < RANK_TOLERANCE * singular[0]:
+        needed = stop - start
+        found = certify(data.experiments, block_rows=needed).order
+        raise ExciteError(
+            f"the input is persistently exciting of order {found}, but {needed} {what} need order {needed}; "
+            "excite more frequencies, or shorten the horizon"
+        )
 
 
 def lq(*groups: np.ndarray) -> list[list[np.ndarray]]:
     """LQ decomposition of stacked row groups: blocks L[i][j] with group_i = sum_j L[i][j] Q_j, seed 000 eq. (3.16)."""
-    (R,) = la.qr(np.vstack(groups).T, mode="r", check_finite=False)
-    L = R[: R.shape[1]].T
-    edges = np.cumsum([0] + [len(g) for g in groups])
-    cuts = [slice(a, b) for a, b in pairwise(edges)]
+    L = lower_factor(np.vstack(groups))
+    cuts = [slice(a, b) for a, b in pairwise(_edges(groups))]
     return [[L[i, j] for j in cuts] for i in cuts]
+
+
+@dataclass(frozen=True, eq=False)
+class FutureLq:
+    """[U_f; U_p; Y_p; Y_f] = L Q, what the open-loop methods start from; `edges` are the ends of the four row groups."""
+
+    L: np.ndarray
+    edges: tuple[int, ...]
+
+    def groups(self, start: int, stop: int) -> slice:
+        """Rows, or columns, of groups start:stop."""
+        return slice(self.edges[start], self.edges[stop])
+
+    @cached_property
+    def on_past(self) -> np.ndarray:
+        """Coefficients of [U_p; Y_p] in the regression of Y_f on them and U_f: the oblique projection Y_f /_(U_f) Z_p."""
+        known, future = self.groups(0, 3), self.groups(3, 4)
+        return solve_lower(self.L[known, known], self.L[future, known])[:, self.groups(1, 3)]
+
+
+def future_lq(data: PastFuture) -> FutureLq:
+    """LQ decomposition of the future beyond the past, made once for all methods with the same horizons."""
+    return data.once("future lq", _future_lq)
+
+
+def _future_lq(data: PastFuture) -> FutureLq:
+    now, end, index = data.past, data.past + data.future, data.factor.index
+    u, y = slice(0, data.nu), slice(data.nu, None)
+    groups = [index(u, now, end), index(u, 0, now), index(y, 0, now), index(y, now, end)]
+    rows, gram = np.concatenate(groups), data.factor.gram
+    # where the Gram matrix serves, its Cholesky factor in the new order costs a quarter of rotating the one at hand
+    L = None if gram is None else cholesky(gram[np.ix_(rows, rows)])
+    return FutureLq(lower_factor(data.factor.L[rows]) if L is None else L, _edges(groups))
+
+
+def _edges(groups: Sequence[np.ndarray]) -> tuple[int, ...]:
+    return tuple(accumulate(map(len, groups), initial=0))
+
+
+def lower_factor(rows: np.ndarray) -> np.ndarray:
+    """L of rows = L Q, lower triangular (trapezoidal when there are more rows than columns)."""
+    (R,) = la.qr(rows.T, mode="r", check_finite=False)
+    return R[: R.shape[1]].T
 
 
 def regress(target: np.ndarray, *regressors: np.ndarray) -> list[np.ndarray]:
@@ -95,11 +177,32 @@ def regress(target: np.ndarray, *regressors: np.ndarray) -> list[np.ndarray]:
     Minimum-norm where the regressors are dependent (noise-free data).
     """
     stacked = np.vstack(regressors)
-    scale = np.linalg.norm(stacked, axis=1)
+    r = len(stacked)
+    L = lower_factor(np.vstack([stacked, target]))
+    coefficients = solve_lower(L[:r, :r], L[r:, :r])
+    return [coefficients[:, a:b] for a, b in pairwise(_edges(regressors))]
+
+
+def solve_lower(L: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return X with X L = target for lower triangular L, of least norm where L is singular to rounding."""
+    if L.shape[0] == L.shape[1] and condition_of(L) < 1 / RANK:
+        return la.solve_triangular(L, target.T, lower=True, trans="T", check_finite=False).T
+    scale = np.linalg.norm(L, axis=1)
     scale[scale == 0] = 1.0
-    solution = la.lstsq((stacked / scale[:, None]).T, target.T, cond=1e-11, check_finite=False)[0].T / scale
-    edges = np.cumsum([0] + [len(r) for r in regressors])
-    return [solution[:, a:b] for a, b in pairwise(edges)]
+    return la.lstsq((L / scale[:, None]).T, target.T, cond=RANK, check_finite=False)[0].T / scale
+
+
+def left_svd(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Left singular vectors and singular values of M, largest first.
+
+    From the eigenvectors of M M^T, which take a third of the time; by SVD where the condition is too large for squares,
+    as for the Gram form of the data.
+    """
+    squares, vectors = la.eigh(M @ M.T, check_finite=False)
+    if squares[0] * GRAM_CONDITION**2 > squares[-1]:
+        return vectors[:, ::-1], np.sqrt(squares[::-1])
+    left, values, _ = la.svd(M, full_matrices=False, check_finite=False)
+    return left, values
 
 
 def orthonormal(Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -107,5 +210,5 @@ def orthonormal(Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     scale = np.linalg.norm(Z, axis=1)
     scale[scale == 0] = 1.0
     left, s, right = la.svd(Z / scale[:, None], full_matrices=False, check_finite=False)
-    keep = s > 1e-11 * s[0]
+    keep = s > RANK * s[0]
     return (left[:, keep] / s[keep]).T / scale, right[keep]

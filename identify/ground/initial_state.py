@@ -15,10 +15,10 @@ def initial_state(model: StateSpaceModel, experiment: Experiment, predictor: boo
     state. The response to x0 is used for as long as it neither dies out nor explodes.
     """
     A = model.predictor()[0] if predictor else model.A
-    residual = experiment.y - (model.predict(experiment) if predictor else model.simulate(experiment.u))
     radius = np.abs(la.eigvals(A)).max(initial=0.0)
     fading = abs(np.log(max(radius, 1e-8)))
-    length = int(np.clip(20 / max(fading, 1e-12), 5 * model.order, 20_000))
-    length = min(length, len(residual), int(np.argmin(np.isfinite(residual).all(1))) or len(residual))
+    head = experiment.window(0, int(np.clip(20 / max(fading, 1e-12), 5 * model.order, 20_000)))
+    residual = head.y - (model.predict(head) if predictor else model.simulate(head.u))
+    length = int(np.argmin(np.isfinite(residual).all(1))) or len(residual)
     response = lti.observability(A, model.C, length).reshape(-1, model.order)
     return la.lstsq(response, residual[:length].ravel(), cond=1e-10, check_finite=False)[0]

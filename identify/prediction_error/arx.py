@@ -10,9 +10,10 @@ from excite.hankel import hankel_factor, largest_rows
 from excite.types.experiment import Experiment
 from excite.types.models import PolynomialModel
 from identify.estimate import Estimate
-from identify.ground.compression import joint_segments, regress
+from identify.ground.compression import PastFuture, joint_segments, regress, require_excitation
 from identify.ground.initial_state import initial_state
 from identify.method import Data, Method, experiments
+from identify.preprocess import gap_free
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,11 @@ class Arx(Method):
 
     def largest_order(self, data: Data) -> int:
         """Lags that leave at least as many equations as unknowns."""
-        return largest_rows(joint_segments(experiments(data))) - self.delay
+        return largest_rows(joint_segments(gap_free(experiments(data), 1).parts)) - self.delay
+
+    def span(self, order: int) -> int:
+        """The lags and the sample they explain."""
+        return order + max(self.delay, 1)
 
     def prepare(self, data: Data) -> tuple[Experiment, ...]:
         """The data themselves: each order compresses its own few lags."""
@@ -49,9 +54,13 @@ class Arx(Method):
         """Return the model with `order` lags."""
         if order is None:
             raise ExciteError("arx: give the order (number of lags)")
-        first = factor[0]
-        nu, ny, rows = first.u.shape[1], first.y.shape[1], order + max(self.delay, 1)
-        H = hankel_factor(joint_segments(factor), rows)
+        rows = self.span(order)
+        parts = gap_free(factor, rows).parts
+        first = parts[0]
+        nu, ny = first.u.shape[1], first.y.shape[1]
+        H = hankel_factor(joint_segments(parts), rows)
+        lags = PastFuture(H, parts, rows, 0)
+        require_excitation(lags, rows - self.delay - order, rows - self.delay, "lags of the input")
         last = rows - 1
         past_y = H.L[H.index(slice(nu, None), last - order, last)]
         past_u = H.L[H.index(slice(0, nu), rows - self.delay - order, rows - self.delay)]
@@ -63,5 +72,5 @@ class Arx(Method):
         model = PolynomialModel(
             a, b, first.dt, innovation_cov=residual @ residual.T / H.columns, inputs=first.inputs, outputs=first.outputs
         )
-        x0 = tuple(initial_state(model.to_state_space(), e, predictor=True) for e in factor)
+        x0 = tuple(initial_state(model.to_state_space(), e, predictor=True) for e in parts)
         return Estimate(model, self.name, order, x0=x0, condition=H.condition, path=H.path)

@@ -9,12 +9,13 @@ import scipy.linalg as la
 from excite.errors import ExciteError, did_you_mean
 from identify.estimate import Estimate
 from identify.ground.compression import PastFuture, lq, orthonormal, regress
-from identify.ground.kalman import state_regression
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
-from identify.subspace.subspace_method import TwoHorizonMethod
+from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
+from identify.subspace.system_equations import gain_of, system_equations
 
 WEIGHTS = ("n4sid", "moesp", "cva")
+ALGORITHMS = ("states", "robust")
 
 
 @dataclass(frozen=True)
@@ -23,40 +24,57 @@ class N4sid(TwoHorizonMethod):
 
     O = Y_f /_(U_f) Z_p is the part of the future outputs that the past explains along the future inputs; the SVD of
     W1 O W2 gives the state X = J Z_p, with W1 = I, W2 = I ("n4sid"), W1 = I, W2 = Pi_(U_f)^perp ("moesp"), or
-    W1 = (Y_f Pi Y_f^T)^(-1/2), W2 = Pi ("cva"). A, C, K by regression on the state, B, D, x0 on all samples.
+    W1 = (Y_f Pi Y_f^T)^(-1/2), W2 = Pi ("cva").
 
-    past, future : horizons; weight : "n4sid", "moesp" or "cva"; feedthrough : estimate D (else zero).
+    past, future : horizons; weight : "n4sid", "moesp" or "cva"; algorithm : "states", A, C, K by regression on the state,
+    B, D, x0 on all samples; "robust", all but x0 from the projected equations (Van Overschee and De Moor 1996, chapter 4,
+    robust combined algorithm), K by Riccati equation. weight "moesp" with "robust" is the combined method of SLICOT's
+    IB01BD and Octave's moen4.
     """
 
     name: ClassVar[str] = "n4sid"
     summary: ClassVar[str] = "oblique projection with the weights of the unifying theorem; open loop"
     closed_loop: ClassVar[bool] = False
 
-    weight: str = "n4sid"
     feedthrough: bool = True
+    weight: str = "n4sid"
+    algorithm: str = "states"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.weight not in WEIGHTS:
-            raise ExciteError(f"{self.name}.weight: {self.weight!r}; {did_you_mean(str(self.weight), WEIGHTS)}")
+        for key, known in (("weight", WEIGHTS), ("algorithm", ALGORITHMS)):
+            value = getattr(self, key)
+            if value not in known:
+                raise ExciteError(f"{self.name}.{key}: {value!r}; {did_you_mean(str(value), known)}")
 
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
-        """Return the model of one order."""
-        p, f, nu, ny = self.past, self.future, factor.nu, factor.ny
+    def decompose(self, factor: PastFuture) -> Subspace:
+        """SVD of the weighted oblique projection."""
+        p, f = self.past, self.future
         U, Y, Z = factor.u(p, p + f), factor.y(p, p + f), factor.z()
         oblique = regress(Y, Z, U)[0]
         L = lq(U, Z, Y)
         seen = Z if self.weight == "n4sid" else L[1][1]
+        whitening, coloring = np.eye(len(Y)), np.eye(len(Y))
         if self.weight == "cva":
-            oblique = orthonormal(np.hstack(L[2][1:]))[0] @ oblique
-        left, values, _ = la.svd(oblique @ seen, full_matrices=False, check_finite=False)
-        n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
-        to_state = left[:, :n].T @ oblique
-        A, C, K, E = state_regression(to_state @ Z, to_state @ factor.z(1), U[:nu], Y[:ny], self.feedthrough)
-        closed = any(e.loop.closed for e in factor.experiments)
+            free = np.hstack(L[2][1:])
+            whitening, basis = orthonormal(free)
+            coloring = free @ basis.T  # inverse of the whitening where there is anything to whiten
+        left, values, _ = la.svd(whitening @ oblique @ seen, full_matrices=False, check_finite=False)
+        gamma = coloring @ left if self.algorithm == "robust" else None
+        return Subspace(values, left.T @ whitening @ oblique, gamma)
+
+    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+        """Return the model of one order."""
+        if self.algorithm == "states":
+            return super().realize(factor, order)
+        found = self.found(factor)
+        n, warnings = order_or_gap(order, found.values, self.largest_order(factor.experiments))
+        solved = system_equations(factor, found.gamma[:, :n], self.feedthrough)
+        A, guarded = self.guard(solved.A, solved.C, self.future)
+        K, E = gain_of(A, solved, factor)
         return complete(
-            self.name, factor, A, C, K, E, feedthrough=self.feedthrough, predictor=closed, singular_values=values,
-            warnings=warnings,
+            self.name, factor, A, solved.C, K, E, feedthrough=self.feedthrough, predictor=self.uses_predictor(factor),
+            singular_values=found.values, warnings=warnings + guarded, fitted=None if guarded else (solved.B, solved.D),
         )  # fmt: skip
 
 

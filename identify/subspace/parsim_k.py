@@ -4,14 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import scipy.linalg as la
 
-from identify.estimate import Estimate
 from identify.ground.compression import PastFuture, regress
-from identify.ground.kalman import state_regression
-from identify.method import order_or_gap
-from identify.subspace.realize import complete
-from identify.subspace.subspace_method import TwoHorizonMethod
+from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 
 
 @dataclass(frozen=True)
@@ -22,17 +17,15 @@ class ParsimK(TwoHorizonMethod):
     Markov parameters that the rows before it did not: only that block and Gamma_i L_p are estimated, so the model stays
     causal. The SVD of Gamma L_p, weighted by Z_p, gives the state; A, C, K by regression, B, D, x0 through the predictor.
 
-    past, future : horizons p, f; feedthrough : allow D (the controller then needs a delay).
+    past, future : horizons p, f.
     """
 
     name: ClassVar[str] = "parsim_k"
     summary: ClassVar[str] = "parsimonious predictor form; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    feedthrough: bool = False
-
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
-        """Return the model of one order."""
+    def decompose(self, factor: PastFuture) -> Subspace:
+        """SVD of Gamma L_p Z_p."""
         p, f, nu, ny = self.past, self.future, factor.nu, factor.ny
         Z, pairs, markov, rows = factor.z(), [], [], []
         for i in range(f):
@@ -46,13 +39,4 @@ class ParsimK(TwoHorizonMethod):
                 markov.append(fitted[1])
             rows.append(fitted[0])
             pairs.append(np.vstack([u, y]))
-        observed = np.vstack(rows)
-        _, values, right = la.svd(observed @ Z, full_matrices=False, check_finite=False)
-        n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
-        to_state = regress(np.sqrt(values[:n])[:, None] * right[:n], Z)[0]
-        U, Y = factor.u(p, p + 1), factor.y(p, p + 1)
-        A, C, K, E = state_regression(to_state @ Z, to_state @ factor.z(1), U, Y, self.feedthrough)
-        return complete(
-            self.name, factor, A, C, K, E, feedthrough=self.feedthrough, predictor=True, singular_values=values,
-            warnings=warnings,
-        )  # fmt: skip
+        return Subspace.of_states(np.vstack(rows) @ Z, Z)

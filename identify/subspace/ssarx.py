@@ -6,12 +6,9 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
-from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, orthonormal, regress
-from identify.ground.kalman import state_regression
-from identify.method import order_or_gap
-from identify.subspace.realize import complete
-from identify.subspace.subspace_method import TwoHorizonMethod
+from identify.ground.compression import PastFuture, orthonormal
+from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
+from identify.subspace.varx import varx
 
 
 @dataclass(frozen=True)
@@ -23,41 +20,24 @@ class Ssarx(TwoHorizonMethod):
     correlations of Y~ and Z_p give the state X = J Z_p. A, C, K by regression on the state, B, D, x0 through the
     one-step predictor.
 
-    past : ARX order and past horizon p; future : f; feedthrough : allow D (the controller then needs a delay).
+    past : ARX order and past horizon p; future : f.
     """
 
     name: ClassVar[str] = "ssarx"
     summary: ClassVar[str] = "state-space ARX with canonical correlations; open and closed loop"
     closed_loop: ClassVar[bool] = True
 
-    feedthrough: bool = False
-
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
-        """Return the model of one order."""
-        p, f, ny, nu = self.past, self.future, factor.ny, factor.nu
+    def decompose(self, factor: PastFuture) -> Subspace:
+        """Canonical correlations of Y~ and Z_p."""
+        p, f, ny = self.past, self.future, factor.ny
         Z, U, Y = factor.z(), factor.u(p, p + f), factor.y(p, p + f)
-        first = [Z, U[:nu]] if self.feedthrough else [Z]
-        theta = regress(Y[:ny], *first)
-        D = theta[1] if self.feedthrough else np.zeros((ny, nu))
-        Hu = _toeplitz(np.concatenate([D[None], _newest_first(theta[0][:, : p * nu], p)]), f)
-        Hy = _toeplitz(np.concatenate([np.zeros((1, ny, ny)), _newest_first(theta[0][:, p * nu :], p)]), f)
-        future = Y - Hu @ U - Hy @ Y
+        arx = varx(factor, self.feedthrough)
+        Hu = _toeplitz(np.concatenate([arx.D[None], arx.on_u]), f)
+        Hy = _toeplitz(np.concatenate([np.zeros((1, ny, ny)), arx.on_y]), f)
         past, past_basis = orthonormal(Z)
-        _, future_basis = orthonormal(future)
+        _, future_basis = orthonormal(Y - Hu @ U - Hy @ Y)
         _, values, right = la.svd(future_basis @ past_basis.T, full_matrices=False, check_finite=False)
-        n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
-        to_state = right[:n] @ past
-        X, X_next = to_state @ Z, to_state @ factor.z(1)
-        A, C, K, E = state_regression(X, X_next, U[:nu], Y[:ny], self.feedthrough)
-        return complete(
-            self.name, factor, A, C, K, E, feedthrough=self.feedthrough, predictor=True, singular_values=values,
-            warnings=warnings,
-        )  # fmt: skip
-
-
-def _newest_first(coefficients: np.ndarray, p: int) -> np.ndarray:
-    """Blocks (p, ny, m) of ARX coefficients, lag 1 first, from a row whose oldest lag stands first."""
-    return coefficients.reshape(len(coefficients), p, -1).transpose(1, 0, 2)[::-1]
+        return Subspace(values, right @ past)
 
 
 def _toeplitz(blocks: np.ndarray, f: int) -> np.ndarray:

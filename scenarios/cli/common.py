@@ -43,6 +43,8 @@ def columns(text: str | None) -> list[str | int] | None:
     if text.strip() == "none":
         return []
     parts = [part.strip() for part in text.split(",")]
+    if not any(parts):
+        raise ExciteError(f"columns {text!r}: give names or numbers from 0, separated by commas, or none")
     return [int(part) if part.isdigit() else part for part in parts if part]
 
 

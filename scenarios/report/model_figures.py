@@ -33,8 +33,8 @@ def poles(setting: SettingResult, palette: Colours | None = None) -> Figure | No
     palette, rows = palette or palette_of(setting), best_rows(setting)
     if setting.truth is None and not rows:
         return None
-    leading = setting.truth.model if setting.truth is not None else first_estimate(rows[0]).model
-    true = continuous_poles(leading.poles(), setting.dt)
+    leading = first_estimate(rows[0]).model.poles() if setting.truth is None else setting.truth.poles
+    true = continuous_poles(leading, setting.dt)
     views = {f"poles of {'the truth' if setting.truth is not None else rows[0].label}": _window(true, setting.dt)}
     slow = _slow(true, setting.dt)
     if slow.size:
@@ -124,7 +124,7 @@ def bode(setting: SettingResult, palette: Colours | None = None) -> Figure | Non
         return None
     models = [first_estimate(row).model for row in rows]
     truth = None if setting.truth is None else setting.truth.model
-    band = setting.band_hz or (None if truth is None else default_band(truth))
+    band = setting.band_hz or (None if truth is None else default_band(setting.truth.poles, setting.dt))
     pairs = _pairs(len(models[0].outputs), len(models[0].inputs))
     nyquist = 0.5 / setting.dt
     low = band[0] / 2 if band else nyquist / 1000

@@ -22,7 +22,7 @@ def plant_figure(name: str, truths: Mapping[str, Truth]) -> Figure:
     panels = figure.subplots(len(truths), 4, squeeze=False)
     for (setting, truth), (step, magnitude, phase, poles) in zip(truths.items(), panels, strict=True):
         model = truth.model
-        low, nyquist = default_band(model)[0] / 2, 0.5 / model.dt
+        low, nyquist = default_band(truth.poles, model.dt)[0] / 2, 0.5 / model.dt
         f = np.geomspace(low, nyquist, POINTS)
         G = model.frf(f)
         gains = np.abs(G).max(0)

@@ -1,0 +1,1 @@
+"""Realization methods: models from impulse responses, free decays, steps and covariances."""

@@ -1,0 +1,95 @@
+"""OKID: observer/Kalman filter identification, for any input-output data."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.linalg as la
+
+from identify.estimate import Estimate
+from identify.ground.compression import PastFuture, require_excitation
+from identify.ground.kalman import NOISE_FREE
+from identify.ground.realization import HankelSvd, era, hankel_of, hankel_svd
+from identify.method import Data, experiments, order_or_gap
+from identify.subspace.realize import complete
+from identify.subspace.subspace_method import DecomposingMethod
+from identify.subspace.varx import varx
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverMarkov:
+    """What all orders share: Hankel matrix of the weighted responses, and one sample later; their weights; D and E.
+
+    u_weight (nu,) : rms of u; e_weight (ny, ny) or (ny, 0) : Cholesky factor of the innovation covariance, no column
+    without noise.
+    """
+
+    svd: HankelSvd
+    shifted: np.ndarray
+    u_weight: np.ndarray
+    e_weight: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+
+
+@dataclass(frozen=True)
+class Okid(DecomposingMethod):
+    """Observer/Kalman filter identification (Juang, Phan, Horta and Longman 1993).
+
+    The Markov parameters of an observer, y(t) = sum_k C Ak^(k-1) [B - K D, K] [u; y](t-k) + D u(t) + e(t), follow from
+    least squares over p lags; recursion turns them into those of the system, C A^(k-1) [B K], which ERA realizes jointly.
+    One-step prediction errors do not mind feedback: consistent in closed loop as the lags grow (then with a delay in
+    the loop unless D is zero). B, D and K are those of the realization: through a fit on the samples, B would be biased
+    in closed loop wherever the order leaves no states for the noise.
+
+    ERA sees [B K] in units of the inputs' rms and of the innovations' standard deviations; without noise, B alone.
+
+    lags : p; they must outlast the observer, whose memory is at least that of the noise.
+    """
+
+    name: ClassVar[str] = "okid"
+    summary: ClassVar[str] = "observer/Kalman filter identification, realized by ERA; open and closed loop"
+    closed_loop: ClassVar[bool] = True
+    extent: ClassVar[str] = "lags + 1"
+
+    lags: int = 40
+
+    def horizons(self) -> tuple[int, int]:
+        """(p, 1)."""
+        return self.lags, 1
+
+    def required_excitation(self, order: int) -> int:
+        """Lags of u and u itself must have full row rank."""
+        return self.lags + 1
+
+    def largest_order(self, data: Data) -> int:
+        """Rows of the Hankel matrix."""
+        return self.lags * len(experiments(data)[0].outputs)
+
+    def decompose(self, factor: PastFuture) -> ObserverMarkov:
+        """Observer Markov parameters, and the Hankel matrices of the system's."""
+        p, nu = self.lags, factor.nu
+        require_excitation(factor, 0, p + 1, "rows of lags")
+        arx = varx(factor, self.feedthrough)
+        h = arx.response(2 * p + 1)[1:]
+        U, Y = factor.u(p, p + 1), factor.y(p, p + 1)
+        u_weight = np.linalg.norm(U, axis=1) / np.sqrt(factor.factor.columns)
+        noisy = np.linalg.norm(arx.E) > NOISE_FREE * np.linalg.norm(Y)
+        cov = arx.E @ arx.E.T / factor.factor.columns
+        e_weight = la.cholesky(cov, lower=True) if noisy else np.empty((len(Y), 0))
+        weighted = np.concatenate([h[:, :, :nu] * u_weight, h[:, :, nu:] @ e_weight], axis=2)
+        return ObserverMarkov(
+            hankel_svd(weighted[:-1], p), hankel_of(weighted[1:], p), u_weight, e_weight, arx.D, arx.E
+        )  # fmt: skip
+
+    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+        """Return the model of one order."""
+        found, nu = self.found(factor), factor.nu
+        n, warnings = order_or_gap(order, found.svd.values, self.largest_order(factor.experiments))
+        A, BK, C = era(found.svd, found.shifted, n)
+        noisy = found.e_weight.size > 0
+        K = la.solve(found.e_weight.T, BK[:, nu:].T).T if noisy else np.zeros((n, factor.ny))
+        return complete(
+            self.name, factor, A, C, K, found.E, feedthrough=self.feedthrough, predictor=self.uses_predictor(factor),
+            singular_values=found.svd.values, warnings=warnings, fitted=(BK[:, :nu] / found.u_weight, found.D),
+        )  # fmt: skip

@@ -1,0 +1,125 @@
+"""What realization from data and from covariances share: the instrument, the projection, and the way to a model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from excite.errors import ExciteError
+from excite.persistency import certify
+from excite.types.experiment import Experiment
+from excite.types.models import StateSpaceModel
+from identify.estimate import Estimate
+from identify.ground.covariance import cross_covariance, smoothed_covariance
+from identify.ground.initial_state import initial_state
+from identify.ground.input_matrices import input_matrices
+from identify.ground.kalman import spectral_radius
+from identify.ground.realization import HankelSvd
+from identify.uncertainty import noise_weights, pole_uncertainty
+
+ROUNDING = 1e-13  # singular values below this fraction of the largest are rounding
+BIASED = "biased: feedback correlates the instrument with the noise; record the reference and take it as the instrument"
+
+
+@dataclass(frozen=True, eq=False)
+class ShiftedData:
+    """Output rows with the input rows projected out, H = O X S, as an SVD; and one sample later, O A X S.
+
+    columns : S, rows (lag, channel) of the instrument's lags in ascending order.
+    """
+
+    svd: HankelSvd
+    shifted: np.ndarray
+    columns: np.ndarray
+
+
+def shifted_data(U: np.ndarray, Y: np.ndarray, ny: int, m: int) -> ShiftedData:
+    """Project r + 1 block rows of inputs out of r + 1 block rows of outputs (ny channels), seed 001 eq. (4.13)-(4.14).
+
+    The same projection serves both shifts, so that both have the states X S. m : channels of the instrument.
+    """
+    right = la.svd(U, check_finite=False)[2]
+    S = right[len(U) :].T
+    H = Y @ S
+    return ShiftedData(HankelSvd(*la.svd(H[:-ny], full_matrices=False, check_finite=False), ny, m), H[ny:], S)
+
+
+def check_input_rows(U: np.ndarray, experiments: tuple[Experiment, ...], rows: int) -> None:
+    """Raise ExciteError when the input rows, seen through the instrument, are not of full row rank."""
+    norms = np.linalg.norm(U, axis=1, keepdims=True)
+    singular = la.svdvals(U / np.where(norms > 0, norms, 1.0))
+    if len(singular) < len(U) or singular[-1] <= ROUNDING * singular[0]:
+        found = certify(experiments, block_rows=rows).order
+        raise ExciteError(
+            f"{rows} block rows of the input are not independent as the instrument sees them (the input is persistently "
+            f"exciting of order {found}); excite more frequencies, take fewer block_rows, or more lags"
+        )
+
+
+def reference_missing(data: tuple[Experiment, ...]) -> str | None:
+    """Return why the reference cannot be the instrument, or None."""
+    for k, experiment in enumerate(data):
+        record = f"record {k}: " if len(data) > 1 else ""
+        if experiment.reference is None:
+            return f"{record}no reference is recorded to be the instrument; name its channels as reference"
+        if np.isnan(experiment.reference).any():
+            row, column = np.argwhere(np.isnan(experiment.reference))[0]
+            return (
+                f"{record}sample {row} of channel '{experiment.references[column].name}' is missing (NaN); fill it or "
+                "give the gap-free parts as separate records"
+            )
+    return None
+
+
+def covariances(
+    experiments: tuple[Experiment, ...], instruments: tuple[np.ndarray, ...], first_lag: int, last_lag: int,
+    segments: int = 1,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return R_u (lags, nu, m) and R_y (lags, ny, m) over all records; `segments` above 1 smooth them."""
+    R = []
+    for key in ("u", "y"):
+        pairs = [(getattr(e, key), z) for e, z in zip(experiments, instruments, strict=True)]
+        if segments > 1:
+            R.append(smoothed_covariance(pairs, first_lag, last_lag, segments))
+        else:
+            R.append(cross_covariance(pairs, first_lag, last_lag))
+    return R[0], R[1]
+
+
+def covariance_input_matrices(
+    R_u: np.ndarray, R_y: np.ndarray, A: np.ndarray, C: np.ndarray, feedthrough: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return B, D by least squares on R_y = C R_x + D R_u, R_x(tau + 1) = A R_x(tau) + B R_u(tau); seed 001 eq. (5.6).
+
+    R_u (lags, nu, m), R_y (lags, ny, m). Each channel of the instrument is a record of its own, with covariances for
+    samples and R_x at the first lag for its initial state (5.3 in print counts powers of A from lag 0 instead): that is
+    Theorem 5.1, zero-based: block (i, j) is driven by R_u of input i and instrument floor(j / ny), at output j mod ny.
+    """
+    records = tuple(Experiment(R_u[:, :, j], R_y[:, :, j], dt=1.0) for j in range(R_u.shape[2]))
+    found = input_matrices(records, A, C, np.zeros((len(A), len(C))), feedthrough)
+    return found.B, found.D
+
+
+def complete(
+    name: str, model: StateSpaceModel, shifted: ShiftedData, experiments: tuple[Experiment, ...],
+    instruments: tuple[np.ndarray, ...] | None, warnings: tuple[str, ...], *, path: str, condition: float | None = None,
+    products: int = 1, x0: tuple[np.ndarray, ...] | None = None,
+) -> Estimate:  # fmt: skip
+    """Return the estimate with its poles' uncertainty and, unless given, the x0 that each record's simulation fits best.
+
+    instruments : (N_i, m) of each record, None where no instrument is free of the noise; products : how many each entry
+    of H averages (1 where H holds sums).
+    """
+    if x0 is None:
+        x0 = tuple(initial_state(model, e, predictor=False) for e in experiments)
+    uncertainty = None
+    if instruments is not None:
+        if spectral_radius(model.A) < 1:
+            weights = noise_weights(shifted.svd, model, shifted.columns) / products
+            uncertainty = pole_uncertainty(model, weights, list(zip(experiments, x0, instruments, strict=True)))
+        else:
+            warnings += ("no uncertainty: A is not stable, so that no simulation tells the noise",)
+    return Estimate(
+        model, name, model.order, x0=x0, singular_values=shifted.svd.values, uncertainty=uncertainty, warnings=warnings,
+        condition=condition, path=path,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Output-only identification: stochastic subspace methods, for structures that the environment excites."""
