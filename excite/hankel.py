@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from excite.errors import ExciteError
 
 GRAM_CONDITION = 1e6  # beyond it the Gram form holds fewer than four digits of the smallest singular value
-CHUNK_VALUES = 16_384  # doubles read at once: they stay in cache, and BLAS starts no threads for so few
+CHUNK_VALUES = 14_000  # doubles read at once: they stay in cache, and BLAS starts no threads for their products
 PRODUCT_ROWS = 16  # rows of one block's matrix product: fewer starve BLAS, more multiply lags that nobody asked for
 
 

@@ -25,7 +25,7 @@ def number(value: object, place: str) -> float:
 def resolve(
     plant: str, presets: Mapping[str, Mapping[str, Parameter]], preset: str, overrides: Mapping[str, Any]
 ) -> dict[str, Parameter]:
-    """Return the parameters of a preset with numbers overridden by name."""
+    """Return the parameters of a preset overridden by name; what is no number there is left to the plant to read."""
     if preset not in presets:
         raise ExciteError(f"{plant}: preset '{preset}' does not exist; {did_you_mean(preset, presets)}")
     parameters = dict(presets[preset])
@@ -33,8 +33,10 @@ def resolve(
         place = f"{plant} parameter '{name}'"
         if name not in parameters:
             raise ExciteError(f"{place} does not exist; {did_you_mean(name, parameters)}")
-        old, given = parameters[name], number(value, place)
-        if old.allowed != "any" and (given < 0 or (given == 0 and old.allowed == "positive")):
+        old = parameters[name]
+        numeric = isinstance(old.value, (int, float))
+        given = number(value, place) if numeric else value
+        if numeric and old.allowed != "any" and (given < 0 or (given == 0 and old.allowed == "positive")):
             least = "at least zero" if old.allowed == "non-negative" else "positive"
             raise ExciteError(f"{place}: {value!r} {old.unit}; it must be {least}")
         parameters[name] = Parameter(given, old.unit, "override" if given != old.value else old.source, old.allowed)

@@ -20,6 +20,7 @@ from plants.loop import Dynamics, Feedback, interconnect, play, start
 from plants.noise import steady_kalman
 from plants.plant import Injection, Parameter, load_plant, settings_of
 
+DELAY = 1e-9  # modulus of a pole that only delays: it has neither frequency nor time constant to be judged by
 ENTRIES = {"input": "plant input", "plant_input": "plant input", "setpoint": "set-point"}
 
 
@@ -34,6 +35,9 @@ class LinearPlant:
     and "plant_input" (r1, channel r_<input>); settings "plant" (u -> y, closed) and "setpoint_response" or
     "input_response" (r -> y, free of feedback). With an actuator its output is recorded as <input>_actual, and is what
     "plant" takes for u; backlash and quantiser have no small-signal truth, so the response settings are left out then.
+
+    With an input_filter, in open loop, there is a second injection "filtered_input": what is played (channels w_<input>)
+    goes through the filter, and u, which the filter colours, is recorded beside it.
     """
 
     name: str
@@ -49,7 +53,9 @@ class LinearPlant:
     feedback: Feedback | None = None
     reference_limits: tuple[tuple[float, float], ...] = ()
     actuator: tuple[Element, ...] = ()
+    input_filter: StateSpaceModel | None = None
     note: str = ""
+
     def __post_init__(self) -> None:
         try:
             interconnect(self.dynamics, self.feedback)
@@ -66,7 +72,12 @@ class LinearPlant:
         """Places of entry."""
         u, y = ([c.name for c in channels] for channels in (self.acting, self.outputs))
         if self.feedback is None:
-            return {"input": Injection(self.inputs, self.limits, {"plant": Roles(tuple(u), tuple(y))}, self.note)}
+            settings = {"plant": Roles(tuple(u), tuple(y))}
+            found = {"input": Injection(self.inputs, self.limits, settings, self.note)}
+            if self.input_filter is not None:
+                w = tuple(Channel(f"w_{c.name}", c.unit) for c in self.inputs)
+                found["filtered_input"] = Injection(w, self.limits, settings, "played through the input filter, which gives u")
+            return found
         measured = [self.outputs[i] for i in self.feedback.measured]
         places = {
             "setpoint": ("setpoint_response", measured, self.reference_limits),
@@ -93,12 +104,18 @@ class LinearPlant:
         if source and source["parameters"] != self.values():
             same = load_plant(self.name, preset=source["preset"], parameters=source["parameters"])
             return same.truth(recording, setting)
-        plant = self.dynamics.scaled(source.get("noise", noise_levels(self.name, self.noise_sources, True)))
+        return self._truth(setting, source.get("noise", noise_levels(self.name, self.noise_sources, True)))
+
+    def _truth(self, setting: str, levels: Mapping[str, float]) -> Truth:
+        plant = self.dynamics.scaled(levels)
         n, nu = len(plant.A) - plant.noise_states, plant.B.shape[1]
+        place = next(p for p in self.injections.values() if setting in p.settings)
+        roles = place.settings[setting]
+        known = {c.name: c for c in (*self.inputs, *self.acting, *place.channels, *self.outputs)}
+        inputs, outputs = ([known[name] for name in names] for names in (roles.inputs, roles.outputs))
         if setting == "plant":
             A, B, G, C, D, H = plant.A, plant.B, plant.G, plant.C, plant.D, plant.H
             own = plant.A[:n, :n]
-            inputs = self.acting
         else:
             loop = interconnect(plant, self.feedback)
             m = len(self.feedback.measured)
@@ -107,14 +124,16 @@ class LinearPlant:
             B, D, G, H = loop.B[:, entering], loop.D[nu:, entering], loop.B[:, nu + m :], loop.D[nu:, nu + m :]
             keep = np.r_[:n, len(plant.A) : len(A)]
             own = A[np.ix_(keep, keep)]
-            place = next(p for p in self.injections.values() if setting in p.settings)
-            inputs = place.channels
+        rows = [self.outputs.index(c) for c in outputs]
+        C, D, H = C[rows], D[rows], H[rows]
         K, innovation_cov = steady_kalman(A, G, C, H)
-        model = StateSpaceModel(A, B, C, D, self.dt, K, innovation_cov, inputs, self.outputs)
+        model = StateSpaceModel(A, B, C, D, self.dt, K, innovation_cov, inputs, outputs)
         kind, valid = "exact", "any: the plant is linear"
-        if setting != "plant" and self.actuator:
+        if self.actuator and roles.inputs != tuple(c.name for c in self.acting):
             kind, valid = "linearised", "while the actuator passes commands unchanged"
-        return Truth(model, kind, valid_amplitude=valid, poles=la.eigvals(own))
+        poles = la.eigvals(own)
+        poles = poles[np.abs(poles) > DELAY]
+        return Truth(model, kind, valid_amplitude=valid, poles=poles)
 
     def run(
         self, signal: Signal, *, inject: str | None = None, noise: bool | Mapping[str, float] = True, seed: int = 0
@@ -132,7 +151,9 @@ class LinearPlant:
         check_limits(self.name, signal, self.injections[inject])
         levels = noise_levels(self.name, self.noise_sources, noise)
         r = np.repeat(signal.u, hold, axis=0)
-        if self.feedback is not None:
+        if inject == "filtered_input":
+            full = self.input_filter.simulate(r)
+        elif self.feedback is not None:
             other = np.zeros((len(r), len(self.inputs) + len(self.feedback.measured) - r.shape[1]))
             full = np.hstack([r, other] if inject == "plant_input" else [other, r])
         else:
@@ -140,12 +161,13 @@ class LinearPlant:
         u, v, y = self._play(full, levels, seeds)
         period = None if signal.period is None else int(signal.period) * hold
         channels = (*self.inputs, *(self.acting if self.actuator else ()), *self.outputs)
-        if self.feedback is not None:
+        outside = inject != "input"  # what is played is none of the channels u and y
+        if outside:
             channels = (*self.injections[inject].channels, *channels)
         recordings = []
         for seed, *columns in zip(seeds, u, v, y, strict=True):
             columns = [columns[0], columns[2]] if not self.actuator else columns
-            columns = columns if self.feedback is None else [r, *columns]
+            columns = [r, *columns] if outside else columns
             recordings.append(
                 Recording(
                     time_s=np.arange(len(r)) * self.dt, values=np.hstack(columns), channels=channels, dt=self.dt,
@@ -168,15 +190,29 @@ class LinearPlant:
         return Loop(True, self.feedback.controller, self.feedback.sign, ENTRIES[inject])
 
     def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: list[int]) -> tuple[np.ndarray, ...]:
-        plant, N = self.dynamics.scaled(levels), len(reference)
+        plant = self.dynamics.scaled(levels)
         loop = interconnect(plant, self.feedback)
-        noise, x0 = np.zeros((len(seeds), N, plant.G.shape[1])), np.zeros((len(seeds), loop.order))
-        if any(levels.values()):
-            for i, seed in enumerate(seeds):
-                *sources, initial = np.random.SeedSequence(seed).spawn(len(plant.sources) + 1)
-                noise[i] = np.hstack([
-                    np.random.default_rng(stream).standard_normal((N, width))
-                    for stream, width in zip(sources, plant.sources.values(), strict=True)
-                ])  # fmt: skip
-                x0[i] = start(plant, loop, np.random.default_rng(initial))
-        return play(plant, self.feedback, self.actuator, loop, reference, noise, x0)
+        root = start(plant, loop)
+        noise, initial = draw(plant.sources, levels, seeds, len(reference), root.shape[1])
+        return play(plant, self.feedback, self.actuator, loop, reference, noise, initial @ root.T)
+
+
+def draw(
+    sources: Mapping[str, int], levels: Mapping[str, float], seeds: Sequence[int], count: int, initial: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return white noise of unit variance (R, N, nw) and (R, initial), from a spawned stream a source and one for the start.
+
+    Zeros for sources whose level is zero, where nobody would see it.
+    """
+    noise, start = np.empty((len(seeds), count, sum(sources.values()))), np.empty((len(seeds), initial))
+    for i, seed in enumerate(seeds):
+        *streams, last = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(len(sources) + 1))
+        noise[i] = np.hstack([
+            np.zeros((count, 0)),
+            *(
+                stream.standard_normal((count, width)) if levels[name] else np.zeros((count, width))
+                for stream, (name, width) in zip(streams, sources.items(), strict=True)
+            ),
+        ])  # fmt: skip
+        start[i] = last.standard_normal(initial)
+    return noise, start

@@ -17,6 +17,7 @@ from excite.types.models import StateSpaceModel
 from plants.actuator import Element, actuate
 
 STABLE = 1 - 1e-12  # spectral radius that a closed loop must stay below
+GROWTH = 1e-5  # an open-loop pole beyond 1 + this grows within a record; below, it is an integrator and rounding
 DIVERGED = 1e12
 
 
@@ -64,7 +65,7 @@ def interconnect(plant: Dynamics, feedback: Feedback | None) -> StateSpaceModel:
     (nx, nu), ny, nw = plant.B.shape, len(plant.C), plant.G.shape[1]
     if feedback is None:
         radius = np.abs(la.eigvals(plant.A)).max(initial=0.0)
-        if radius > 1 + 1e-9:
+        if radius > 1 + GROWTH:
             raise ExciteError(f"the plant is unstable in open loop (spectral radius {radius:.6g}); run it in closed loop")
         D = np.block([[np.eye(nu), np.zeros((nu, nw))], [plant.D, plant.H]])
         C = np.vstack([np.zeros((nu, nx)), plant.C])
@@ -94,14 +95,22 @@ def interconnect(plant: Dynamics, feedback: Feedback | None) -> StateSpaceModel:
     return StateSpaceModel(A, B, np.vstack([u_x, y_x]), np.vstack([u_r, y_r]), 1.0)
 
 
-def start(plant: Dynamics, loop: StateSpaceModel, rng: np.random.Generator) -> np.ndarray:
-    """Return the loop's initial state: zero, or drawn from what the noise alone makes of it in the long run."""
-    x0 = np.zeros(loop.order)
-    if plant.stationary and loop.order:
-        G = loop.B[:, loop.B.shape[1] - plant.G.shape[1] :]
-        values, vectors = la.eigh(la.solve_discrete_lyapunov(loop.A, G @ G.T))
-        x0 = vectors @ (np.sqrt(np.maximum(values, 0)) * rng.standard_normal(loop.order))
-    return x0
+def start(plant: Dynamics, loop: StateSpaceModel) -> np.ndarray:
+    """Return R (n, q) such that R z, z white of unit variance, is the loop's initial state; q = 0 to start at zero.
+
+    Each source has columns of its own, a square root of the covariance that it alone gives the state in the long run.
+    """
+    if not plant.stationary:
+        return np.zeros((loop.order, 0))
+    columns = np.cumsum(list(plant.sources.values()))
+    each = np.split(loop.B[:, loop.B.shape[1] - plant.G.shape[1] :], columns[:-1], axis=1)
+    return np.hstack([_root(la.solve_discrete_lyapunov(loop.A, G @ G.T)) for G in each])
+
+
+def _root(P: np.ndarray) -> np.ndarray:
+    """Return the symmetric square root of a covariance."""
+    values, vectors = la.eigh(P)
+    return vectors * np.sqrt(np.maximum(values, 0)) @ vectors.T
 
 
 def play(
@@ -116,13 +125,13 @@ def play(
     nu = plant.B.shape[1]
     if elements and feedback is None:
         u = reference
-        v = actuate(elements, u)
+        v = u if all(element.passes(u) for element in elements) else actuate(elements, u)
         answer = _superpose(loop, v, noise, x0)[:, :, nu:]
         runs = (len(noise), 1, 1)
         return np.tile(u, runs), np.tile(v, runs), answer
     answer = _superpose(loop, reference, noise, x0)
     u, y = answer[:, :, :nu], answer[:, :, nu:]
-    if not elements or all(np.array_equal(actuate(elements, each), each) for each in u):
+    if all(element.passes(each) for element in elements for each in u):
         return u, u, y
     return _step(plant, feedback, elements, reference, noise, x0)
 
@@ -131,39 +140,46 @@ def _superpose(loop: StateSpaceModel, reference: np.ndarray, noise: np.ndarray, 
     """Return the answer to the reference, the same in all runs, plus that to each run's noise and initial state."""
     m = reference.shape[1]
     known = lti.simulate(loop.A, loop.B[:, :m], loop.C, loop.D[:, :m], reference)
+    B, D = loop.B[:, m:], loop.D[:, m:]
+    moving = B.any(0)  # the other noise reaches no state, so that a product serves
     answers = np.empty((len(noise), *known.shape))
     for answer, n, x in zip(answers, noise, x0, strict=True):
         answer[:] = known
         if np.any(n) or np.any(x):
-            answer += lti.simulate(loop.A, loop.B[:, m:], loop.C, loop.D[:, m:], n, x)
+            answer += lti.simulate(loop.A, B[:, moving], loop.C, D[:, moving], n[:, moving], x)
+            answer += n[:, ~moving] @ D[:, ~moving].T
     return answers
 
 
 def _step(
     plant: Dynamics, feedback: Feedback, elements: tuple[Element, ...], reference: np.ndarray, noise: np.ndarray, x0: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Sample by sample, all runs at once."""
-    c, measured, sign = feedback.controller, list(feedback.measured), feedback.sign
-    runs, N = noise.shape[:2]
-    (nx, nu), ny = plant.B.shape, len(plant.C)
-    x, xc = x0[:, :nx].copy(), x0[:, nx:].copy()
-    u, v, y = np.empty((runs, N, nu)), np.empty((runs, N, nu)), np.empty((runs, N, ny))
-    memory = [np.zeros((runs, nu)) for _ in elements]
-    Gn, Hn = noise @ plant.G.T, noise @ plant.H.T
-    for k in range(N):
-        r1, r2 = reference[k, :nu], reference[k, nu:]
-        free = x @ plant.C.T + Hn[:, k]  # y but for D v, which no direct path leads back to u
-        u[:, k] = r1 + xc @ c.C.T + (r2 + sign * free[:, measured]) @ c.D.T
-        given = u[:, k]
-        for i, element in enumerate(elements):
-            given = memory[i] = element.step(given, memory[i])
-        v[:, k] = given
-        y[:, k] = free + given @ plant.D.T
-        x = x @ plant.A.T + given @ plant.B.T + Gn[:, k]
-        xc = xc @ c.A.T + (r2 + sign * y[:, k][:, measured]) @ c.B.T
-        if not np.abs(y[:, k]).max() < DIVERGED:
-            raise SimulationStopped(
-                f"the loop diverged at sample {k}: the actuator's limits take away the feedback that keeps the plant; "
-                "reduce the excitation's amplitude, or widen the limits"
-            )
-    return u, v, y
+    """Sample by sample, all runs at once; what the loop does not feed back is worked out before and after it."""
+    c, sign, S = feedback.controller, feedback.sign, np.eye(len(plant.C))[list(feedback.measured)]
+    nx, nu = plant.B.shape
+    r1, r2 = reference[:, None, :nu], reference[:, None, nu:]
+    Gn, Hn = (noise.transpose(1, 0, 2) @ part.T for part in (plant.G, plant.H))  # (N, R, ·)
+    direct, back = c.D * sign @ S, c.B * sign @ S  # D of one of the two is zero: u does not see v of the same sample
+    U = np.hstack([direct @ plant.C, c.C]).T
+    Z = np.block([[plant.A, np.zeros((nx, c.order))], [back @ plant.C, c.A]]).T
+    V = np.vstack([plant.B, back @ plant.D]).T
+    known_u = r1 + r2 @ c.D.T + Hn @ direct.T
+    known_z = np.concatenate([Gn, r2 @ c.B.T + Hn @ back.T], axis=2)
+    u, v, z = np.empty_like(known_u), np.empty_like(known_u), np.empty((len(noise[0]) + 1, *x0.shape))
+    z[0] = x0
+    memory = [element.start((len(x0), nu)) for element in elements]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(len(u)):
+            u[k] = given = z[k] @ U + known_u[k]
+            for i, element in enumerate(elements):
+                given, memory[i] = element.advance(given, memory[i])
+            v[k] = given
+            z[k + 1] = z[k] @ Z + given @ V + known_z[k]
+        y = z[:-1, :, :nx] @ plant.C.T + v @ plant.D.T + Hn
+    kept = np.abs(y).max((1, 2)) < DIVERGED
+    if not kept.all():
+        raise SimulationStopped(
+            f"the loop diverged at sample {np.argmin(kept)}: the actuator's limits take away the feedback that keeps the plant; "
+            "reduce the excitation's amplitude, or widen the limits"
+        )
+    return u.transpose(1, 0, 2), v.transpose(1, 0, 2), y.transpose(1, 0, 2)

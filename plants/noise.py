@@ -5,6 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.linalg as la
 
+from excite.errors import ExciteError
+from excite.types.models import kalman_gain
+
 
 def streams(levels: Mapping[str, float], widths: Mapping[str, int], seed: int, count: int) -> dict[str, np.ndarray]:
     """Return white noise (count, width) of each source's standard deviation, from a spawned stream a source.
@@ -14,6 +17,8 @@ def streams(levels: Mapping[str, float], widths: Mapping[str, int], seed: int, c
     spawned = np.random.SeedSequence(seed).spawn(len(widths))
     return {
         name: levels[name] * np.random.default_rng(stream).standard_normal((count, width))
+        if levels[name]
+        else np.zeros((count, width))
         for stream, (name, width) in zip(spawned, widths.items(), strict=True)
     }
 
@@ -21,16 +26,35 @@ def streams(levels: Mapping[str, float], widths: Mapping[str, int], seed: int, c
 def steady_kalman(
     A: np.ndarray, G: np.ndarray, C: np.ndarray, H: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-    """Return the gain K and innovation covariance reached from an exactly known state, or (None, None).
+    """Return the gain K and innovation covariance of the steady filter, or (None, None).
 
-    x+ = A x + G n, y = C x + H n, n white with unit variance, shared by process and measurement. The Riccati recursion
-    from P(0) = 0 is doubled, P(2^j) for j = 0, 1, …, so that slow filters converge as well; unlike the stabilising
-    solution, its limit exists when some states are never disturbed. None when an output has no noise of its own.
-    Doubling: Anderson and Moore (1979), Optimal Filtering, section 6.7.
+    x+ = A x + G n, y = C x + H n, n white with unit variance, shared by process and measurement. The filter is that
+    reached from an exactly known state: its limit exists also when some states are never disturbed. Where an output has
+    no noise of its own, or that filter is unstable (an unstable plant that nothing disturbs), it is the stabilising one,
+    None if there is none.
     """
-    R, S = H @ H.T, G @ H.T
-    if la.eigvalsh(R).min() <= 0:
+    if not (G.any() or H.any()):
         return None, None
+    R, S = H @ H.T, G @ H.T
+    if la.eigvalsh(R).min() > 0:
+        K, innovation_cov = _from_known_state(A, G, C, R, S)
+        if np.abs(la.eigvals(A - K @ C)).max(initial=0.0) <= 1 + 1e-6:
+            return K, innovation_cov
+    try:
+        K, innovation_cov = kalman_gain(A, C, G @ G.T, R, S)
+    except (ExciteError, la.LinAlgError, ValueError):  # scipy raises ValueError for a pencil that it cannot order
+        return None, None
+    variances = la.eigvalsh(innovation_cov)
+    return (K, innovation_cov) if variances.min() > 1e-12 * variances.max() else (None, None)
+
+
+def _from_known_state(
+    A: np.ndarray, G: np.ndarray, C: np.ndarray, R: np.ndarray, S: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return K and the innovation covariance by the Riccati recursion from P(0) = 0, doubled: P(2^j) for j = 0, 1, …
+
+    Slow filters converge as well so. Doubling: Anderson and Moore (1979), Optimal Filtering, section 6.7.
+    """
     gain = la.solve(R, S.T, assume_a="pos").T
     F = (A - gain @ C).T
     J = C.T @ la.solve(R, C, assume_a="pos")

@@ -12,6 +12,7 @@ from excite.types.signal import Signal
 from excite.types.truth import Truth
 
 ALLOWED = ("positive", "non-negative", "any")
+NONE = "none"  # a parameter that is not there; files have no other word for it
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,22 @@ class Plant(Protocol):
 
 # One line adds a plant: name -> "module:class". The class (or function) takes (preset=..., parameters={...}) as keywords.
 PLANTS: dict[str, str] = {
+    "aeroelastic": "plants.aeroelastic.modal:aeroelastic",
+    "arx_bias": "plants.textbook:arx_bias",
+    "delay_process": "plants.textbook:delay_process",
+    "etfe_transient": "plants.textbook:etfe_transient",
+    "goland": "plants.aeroelastic.goland:goland",
+    "inverted_pendulum": "plants.textbook:inverted_pendulum",
+    "lti": "plants.lti:lti",
+    "mjcf": "plants.mjcf.plant:mjcf",
+    "mercere_closed": "plants.textbook:mercere_closed",
+    "mercere_open": "plants.textbook:mercere_open",
+    "miller_31": "plants.textbook:miller_31",
+    "miller_41": "plants.textbook:miller_41",
+    "miller_51": "plants.textbook:miller_51",
     "quadrotor": "plants.quadrotor.plant:Quadrotor",
+    "thermal_ladder": "plants.thermal.ladder:thermal_ladder",
+    "two_mass_spring": "plants.textbook:two_mass_spring",
 }
 
 
@@ -83,12 +99,16 @@ def list_plants() -> list[str]:
 
 
 def load_plant(name: str, *, preset: str | None = None, parameters: Mapping[str, Any] | None = None) -> Plant:
-    """Return a plant by name, with a preset and overridden parameters."""
+    """Return a plant by name, with a preset and overridden parameters, those of an actuator in front of it among them."""
     if name not in PLANTS:
         raise ExciteError(f"plant '{name}' does not exist; {did_you_mean(name, PLANTS)}")
+    from plants.actuator import IN_FRONT, in_front
+
     module, kind = PLANTS[name].split(":")
     options = {"preset": preset} if preset is not None else {}
-    return getattr(import_module(module), kind)(parameters=parameters or {}, **options)
+    own = dict(parameters or {})
+    actuator = {key: own.pop(key) for key in IN_FRONT if key in own}
+    return in_front(getattr(import_module(module), kind)(parameters=own, **options), actuator)
 
 
 def settings_of(plant: Plant) -> dict[str, Roles]:

@@ -278,9 +278,9 @@ def test_a_byte_order_mark_does_no_harm(tmp_path):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_crash_names_the_parameters_and_leaves_what_was_finished(jobs, tmp_path):
-    changes = {"plant/parameters": {"attitude_kp": 50.0}}
+    changes = {"plant/parameters": {"hover_altitude": 0.1001}}
     scenario = check_scenario(changed(changes), "short.toml")
-    with pytest.raises(SimulationStopped, match=r"estimation flight \d with plant.parameters .*attitude_kp.*tilt") as caught:
+    with pytest.raises(SimulationStopped, match=r"estimation flight \d with plant.parameters .*hover_altitude.*altitude 0") as caught:
         run_scenario(scenario, tmp_path / "out", jobs)
     assert caught.value.exit_code == 2
     assert not list((tmp_path / "out").rglob(".*.tmp"))

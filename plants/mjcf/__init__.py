@@ -1,0 +1,1 @@
+"""A plant from any MuJoCo model file."""

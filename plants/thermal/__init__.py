@@ -1,0 +1,1 @@
+"""Heat flow: sources, their thermal networks, and the temperatures seen."""
