@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import csd
 
 from excite.errors import ExciteError, did_you_mean
 from excite.types.experiment import Experiment
@@ -24,6 +23,8 @@ def output_coherence(
 
     band_hz : first and last frequency; instrument : "reference", "inputs", or None: the reference where one is recorded.
     """
+    from scipy.signal import csd  # slow to import, and the pipeline seldom needs it
+
     z, dt = _instrument(experiment, instrument), experiment.dt
     if dt is None or np.isnan(experiment.y).any() or np.isnan(z).any():
         raise ExciteError("coherence needs uniform sampling without missing samples; resample, or take a gap-free part")

@@ -111,8 +111,13 @@ def drawn():
 
 
 @cache
+def svgs():
+    return {name: drawing.to_svg(figure) for name, figure in drawn().items()}
+
+
+@cache
 def html():
-    return page(result(), drawn())
+    return page(result(), svgs())
 
 
 # --- tables ----------------------------------------------------------------------------------------------------------
@@ -354,6 +359,6 @@ def test_page_holds_scenario_verdict_and_certificate():
 
 
 def test_report_is_written_whole(tmp_path):
-    path = write_report(result(), tmp_path / "report.html", drawn())
+    path = write_report(result(), tmp_path / "report.html", svgs())
     assert path.read_text(encoding="utf-8") == html()
     assert list(tmp_path.iterdir()) == [path]

@@ -31,9 +31,9 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
     target = Path("runs") / checked.name if folder is None else Path(folder)
     try:
         result = run_scenario(checked, target, jobs, ProgressLine())
-        figures = all_figures(result)
-        for name, figure in figures.items():
-            write_text(target / "figures" / f"{name}.svg", to_svg(figure))
+        figures = {name: to_svg(figure) for name, figure in all_figures(result).items()}
+        for name, svg in figures.items():
+            write_text(target / "figures" / f"{name}.svg", svg)
         write_report(result, target / "report.html", figures)
     except KeyboardInterrupt:
         click.echo(f"\n{target}: finished pieces are kept; the same command goes on from there", err=True)

@@ -7,13 +7,11 @@ from html import escape
 from pathlib import Path
 
 import tomli_w
-from matplotlib.figure import Figure
 
 from excite.files.atomic import written
 from excite.types.channel import listed
 from scenarios.report.columns import LEGEND, NONE
-from scenarios.report.drawing import to_svg
-from scenarios.report.figures import SETTING_FIGURES, all_figures, stems
+from scenarios.report.figures import SETTING_FIGURES, stems
 from scenarios.report.tables import certificate_text, expectations, ranking, true_poles
 from scenarios.report.verdict import summary
 from scenarios.results import RunResult, SettingResult
@@ -73,15 +71,15 @@ CAPTIONS = {
 }
 
 
-def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, Figure] | None = None) -> Path:
-    """Write the page; `figures` may pass those of `all_figures` when they are there already."""
-    text = page(result, all_figures(result) if figures is None else figures)
+def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, str]) -> Path:
+    """Write the page with its figures, SVG by name."""
+    text = page(result, figures)
     with written(path) as temporary:
         Path(temporary).write_text(text, encoding="utf-8")
     return Path(path)
 
 
-def page(result: RunResult, figures: Mapping[str, Figure]) -> str:
+def page(result: RunResult, figures: Mapping[str, str]) -> str:
     """Return the page as HTML."""
     name, names = result.scenario.name, stems(result)
     sections = [("summary", "Summary", _summary(result)), ("design", "Design", _design(result, figures))]
@@ -116,7 +114,7 @@ def _summary(result: RunResult) -> str:
     return f'<p>{escape(first)}</p><div class="lead">{lead}</div>'
 
 
-def _design(result: RunResult, figures: Mapping[str, Figure]) -> str:
+def _design(result: RunResult, figures: Mapping[str, str]) -> str:
     html = _figure(figures, "excitation", "excitation", "Excitation of every channel over time, beside its spectrum")
     for warning in result.warnings:
         html += f'<p class="warning">{escape(warning)}</p>'
@@ -130,7 +128,7 @@ def _design(result: RunResult, figures: Mapping[str, Figure]) -> str:
     return html
 
 
-def _setting(setting: SettingResult, stem: str, figures: Mapping[str, Figure]) -> str:
+def _setting(setting: SettingResult, stem: str, figures: Mapping[str, str]) -> str:
     roles, name = setting.spec.roles, setting.spec.name
     kind = "in closed loop: the input depends on the output through feedback" if roles.closed else "inputs free of feedback"
     band = f", scored over {setting.band_hz[0]:.3g} to {setting.band_hz[1]:.3g} Hz" if setting.band_hz else ""
@@ -203,10 +201,10 @@ def _made(result: RunResult) -> str:
     )
 
 
-def _figure(figures: Mapping[str, Figure], key: str, kind: str, alt: str) -> str:
+def _figure(figures: Mapping[str, str], key: str, kind: str, alt: str) -> str:
     if key not in figures:
         return ""
-    data = base64.b64encode(to_svg(figures[key]).encode("utf-8")).decode("ascii")
+    data = base64.b64encode(figures[key].encode("utf-8")).decode("ascii")
     caption = CAPTIONS.get(kind, alt)
     return (
         f'<figure id="figure-{escape(key)}"><img alt="{escape(alt)}. {escape(caption)}" '
