@@ -1,8 +1,9 @@
 """The flight controller: cascaded PID of the Crazyflie firmware, mixer, and an altitude hold."""
 
-import math
 from collections.abc import Mapping
+from typing import Any
 
+from plants.quadrotor.arithmetic import Arithmetic
 from plants.quadrotor.parameters import FULL_COMMAND, GRAVITY, thrust_map
 
 RATE_DT = 0.002  # s, rate loops at 500 Hz
@@ -14,24 +15,30 @@ class Pid:
     """PID as the firmware computes it: the integral includes the present error and is limited.
 
     I(k) = clip(I(k-1) + e(k) dt),   output = kp e(k) + ki I(k) + kd (e(k) - e(k-1)) / dt
+
+    The derivative is that of the error, as in 2013; later firmware differentiates the measurement alone, which moves
+    zeros but no poles.
     """
 
-    __slots__ = ("dt", "error", "integral", "kd", "ki", "kp", "limit")
+    __slots__ = ("clip", "dt", "error", "integral", "kd", "ki", "kp", "limit")
 
-    def __init__(self, values: Mapping[str, float], name: str, dt: float) -> None:
+    def __init__(self, values: Mapping[str, float], name: str, dt: float, arithmetic: Arithmetic) -> None:
         self.kp, self.ki, self.kd = (values[f"{name}_{gain}"] for gain in ("kp", "ki", "kd"))
         self.limit = values[f"{name}_integral_limit"]
-        self.dt = dt
+        self.dt, self.clip = dt, arithmetic.clip
         self.integral = 0.0
         self.error = 0.0
 
-    def update(self, error: float) -> float:
-        """Advance one step and return the output."""
-        integral, slope = self.integral + error * self.dt, (error - self.error) / self.dt
-        if not -self.limit < integral < self.limit:
-            integral = math.copysign(self.limit, integral)
-        self.integral, self.error = integral, error
-        return self.kp * error + self.ki * integral + self.kd * slope
+    def update(self, error: Any) -> Any:
+        """Advance one step and return the output; what has no gain is not computed."""
+        output = self.kp * error
+        if self.ki:
+            self.integral = self.clip(self.integral + error * self.dt, -self.limit, self.limit)
+            output = output + self.ki * self.integral
+        if self.kd:
+            output = output + self.kd * ((error - self.error) / self.dt)
+            self.error = error
+        return output
 
 
 class Controller:
@@ -41,45 +48,42 @@ class Controller:
     left. (The firmware's own mixer counts pitch nose up and yaw to the right; its signs are turned accordingly.)
 
     The altitude hold is idealised: a PD law on the true altitude and vertical speed with the true tilt,
-    4 f = m (g + kp (z_ref - z) - kd dz/dt) / cos(tilt), turned into a command by the inverse thrust map. It acts on
-    the collective only, and to first order not at all on roll, pitch and yaw.
+    4 f = m (g + kp (z_ref - z) + kd (dz_ref/dt - dz/dt)) / cos(tilt), turned into a command by the inverse thrust map.
+    It acts on the collective only, and to first order not at all on roll, pitch and yaw.
     """
 
-    def __init__(self, values: Mapping[str, float], altitude_ref: float) -> None:
-        self._attitude = [Pid(values, "attitude", ATTITUDE_DT) for _ in range(2)]
-        self._rate = [Pid(values, name, RATE_DT) for name in ("rate", "rate", "yaw_rate")]
+    def __init__(self, values: Mapping[str, float], arithmetic: Arithmetic) -> None:
+        self._attitude = [Pid(values, "attitude", ATTITUDE_DT, arithmetic) for _ in range(2)]
+        self._rate = [Pid(values, name, RATE_DT, arithmetic) for name in ("rate", "rate", "yaw_rate")]
         self._motor = thrust_map(values)
-        self._mass, self._altitude_ref = values["mass"], altitude_ref
-        self._kp, self._kd = values["altitude_kp"], values["altitude_kd"]
+        self._mass, self._kp, self._kd = (values[name] for name in ("mass", "altitude_kp", "altitude_kd"))
         self._range = self._motor.thrust(0.0), self._motor.thrust(FULL_COMMAND)
+        self._clip, self._floor, self._sqrt = arithmetic.clip, arithmetic.floor, arithmetic.sqrt
 
-    def attitude(self, roll_error: float, pitch_error: float) -> tuple[float, float]:
+    def attitude(self, roll_error: Any, pitch_error: Any) -> tuple[Any, Any]:
         """Roll and pitch rate set-points [deg/s] from attitude errors [deg]; call once a frame."""
         return self._attitude[0].update(roll_error), self._attitude[1].update(pitch_error)
 
-    def rate(self, p_error: float, q_error: float, r_error: float) -> tuple[float, float, float]:
+    def rate(self, p_error: Any, q_error: Any, r_error: Any) -> tuple[Any, Any, Any]:
         """Roll, pitch and yaw commands [16-bit units] from body rate errors [deg/s]; call each step."""
         return self._rate[0].update(p_error), self._rate[1].update(q_error), self._rate[2].update(r_error)
 
-    def collective(self, altitude: float, climb: float, cos_tilt: float) -> float:
-        """Collective command [16-bit units] from true altitude [m], climb rate [m/s] and cosine of the tilt."""
-        acceleration = GRAVITY + self._kp * (self._altitude_ref - altitude) - self._kd * climb
+    def collective(self, altitude_error: Any, climb_error: Any, cos_tilt: Any) -> Any:
+        """Collective command [16-bit units] from errors of altitude [m] and climb rate [m/s] and the cosine of the tilt."""
+        acceleration = GRAVITY + self._kp * altitude_error + self._kd * climb_error
         force = self._mass * acceleration / (4.0 * cos_tilt)
-        return self._motor.command(min(max(force, self._range[0]), self._range[1]))
+        return self._motor.command(self._clip(force, *self._range), self._sqrt)
 
+    def mix(self, collective: Any, roll: Any, pitch: Any, yaw: Any, added: tuple) -> tuple[Any, Any, Any, Any]:
+        """Motor commands M1..M4: collective with half of roll and pitch, all of yaw and what is added to each motor."""
+        r, p, (a1, a2, a3, a4) = 0.5 * roll, 0.5 * pitch, added
+        return (
+            self._integer(collective - r - p - yaw + a1),
+            self._integer(collective - r + p + yaw + a2),
+            self._integer(collective + r + p - yaw + a3),
+            self._integer(collective + r - p + yaw + a4),
+        )
 
-def mix(collective: float, roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Motor commands M1..M4: collective with half of roll and pitch and all of yaw, clipped to 16 bits and rounded."""
-    r, p = 0.5 * roll, 0.5 * pitch
-    return (
-        _integer(collective - r - p - yaw),
-        _integer(collective - r + p + yaw),
-        _integer(collective + r + p - yaw),
-        _integer(collective + r - p + yaw),
-    )
-
-
-def _integer(command: float) -> float:
-    if 0.0 < command < FULL_COMMAND:
-        return float(int(command + 0.5))
-    return 0.0 if command <= 0.0 else float(FULL_COMMAND)
+    def _integer(self, command: Any) -> Any:
+        """Return the command clipped to 16 bits and rounded."""
+        return self._floor(self._clip(command, 0.0, FULL_COMMAND) + 0.5)
