@@ -55,16 +55,20 @@ class PoleErrors:
     surplus: int
 
 
+TIE = 1e-6  # weight of squared distances in the matching: far above rounding, far below what matters
 INTEGRATOR = 1e-6  # |s| dt below which a true pole counts as an integrator
 
 
 def pole_errors(true: np.ndarray, estimated: np.ndarray, dt: float) -> PoleErrors:
     """Match z-plane poles by optimal assignment of |s - shat| in the s-plane and return the errors.
 
-    Frequencies and dampings are judged in the s-plane because at small dt every |lambda - lambdahat| is small.
+    Frequencies and dampings are judged in the s-plane because at small dt every |lambda - lambdahat| is small. Of
+    assignments of equal sum, as of real poles that all lie on one side of the true ones, the one with the smaller sum of
+    squares is taken: rounding must not decide which pole an error is charged to.
     """
     s, s_hat = continuous_poles(true, dt), continuous_poles(estimated, dt)
-    rows, columns = linear_sum_assignment(np.abs(s[:, None] - s_hat[None, :]))
+    distance = np.abs(s[:, None] - s_hat[None, :])
+    rows, columns = linear_sum_assignment(distance + TIE * distance**2 / max(distance.max(initial=0), 1e-300))
     s, s_hat = s[rows], s_hat[columns]
     integrator = np.abs(s) * dt < INTEGRATOR
     oscillatory = ~integrator & (np.abs(s.imag) > 1e-9 * np.abs(s))

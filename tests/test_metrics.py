@@ -124,3 +124,10 @@ def test_estimates_survive_json_and_hold_no_nan():
     del plain["A"]
     with pytest.raises(ExciteError, match="here"):
         estimate_from_dict({**plain, "kind": "state space"}, "here")
+
+
+def test_of_equal_matchings_the_ordered_one_is_taken():
+    true, estimated = np.exp(0.01 * np.array([-0.55, -0.71])), np.exp(0.01 * np.array([-2.0, -3.0]))
+    for shuffled in (estimated, estimated[::-1]):
+        found = metrics.pole_errors(true, shuffled, 0.01)
+        np.testing.assert_allclose(np.log(found.estimated) / 0.01, [-2.0, -3.0])
