@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.errors import ExciteError, Unsupported
+from excite.files.atomic import written
 from excite.types.recording import Recording
 
 POSE = ("x", "y", "altitude", "qw", "qx", "qy", "qz")
@@ -32,7 +33,8 @@ def clip(recording: Recording, path: str | Path, *, fps: int = 25, width: int = 
         raise ExciteError(f"clip: fps {fps!r}; give 1 to 50, since a GIF counts hundredths of a second")
     times = np.arange(recording.time_s[0], recording.time_s[-1], 1.0 / fps)
     first, *others = (Image.fromarray(frame) for frame in _frames(recording, times, width, height))
-    first.save(path, save_all=True, append_images=others, duration=1000 // fps, loop=0)
+    with written(path) as temporary:
+        first.save(temporary, "GIF", save_all=True, append_images=others, duration=1000 // fps, loop=0)
 
 
 def _frames(recording: Recording, times_s: np.ndarray, width: int, height: int) -> np.ndarray:

@@ -135,12 +135,16 @@ def export(
 @click.option("--preset", metavar="NAME", help="Preset of the plant.")
 @click.option("--set", "parameters", multiple=True, metavar="KEY=VALUE", help="Override a plant parameter.")
 @click.option("-o", "out", required=True, type=click.Path(), help="Recording to write (.npz keeps everything).")
+@click.option("--clip", type=click.Path(), metavar="FILE.gif", help="Film the flight (quadrotor; needs offscreen graphics).")
 def simulate(
     plant: str, file: str, inject: str | None, seed: int, no_noise: bool, preset: str | None,
-    parameters: tuple[str, ...], out: str,
+    parameters: tuple[str, ...], out: str, clip: str | None,
 ) -> int:  # fmt: skip
     """Play a signal file on a simulated PLANT and record it."""
     from plants.plant import load_plant
+
+    if clip is not None and (plant != "quadrotor" or new_file(clip, file, out).suffix.lower() != ".gif"):
+        raise ExciteError(f"--clip {clip}: only flights of the quadrotor can be filmed, into a file that ends in .gif")
 
     extension, known = new_file(out, file).suffix.lower(), [e for each in WRITABLE.values() for e in each]
     if extension not in known:
@@ -148,6 +152,10 @@ def simulate(
     chosen = load_plant(plant, preset=preset, parameters=assignments(parameters, "--set"))
     recording = chosen.run(files.load_signal(file), inject=inject, noise=not no_noise, seed=seed)
     files.save_recording(recording, out)
+    if clip is not None:
+        from plants.quadrotor.picture import clip as film
+
+        film(recording, clip)
     names = ", ".join(recording.settings)
     click.echo(f"{out}: {len(recording.values)} samples, {len(recording.channels)} channels; settings: {names}")
     return 0
