@@ -16,8 +16,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from excite.errors import ExciteError
 
 GRAM_CONDITION = 1e6  # beyond it the Gram form holds fewer than four digits of the smallest singular value
-CHUNK_VALUES = 14_000  # doubles read at once: they stay in cache, and BLAS starts no threads for their products
+CHUNK_VALUES = 28_000  # doubles read at once: they stay in cache, and BLAS starts no threads for their products
 PRODUCT_ROWS = 16  # rows of one block's matrix product: fewer starve BLAS, more multiply lags that nobody asked for
+QR_VALUES = 131_072  # doubles of explicit Hankel columns decomposed at once, 1 MB (more where d columns need it)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +141,7 @@ def condition_of(L: np.ndarray) -> float:
 def _blocked_qr(segments: Sequence[np.ndarray], rows: int, d: int) -> np.ndarray:
     """Triangular factor by QR of chunk after chunk of Hankel columns; memory bounded, condition not squared."""
     R = np.zeros((d, d), order="F")
-    size = max(8 * d, CHUNK_VALUES // d)
+    size = max(d, QR_VALUES // d)
     for w in segments:
         for start in range(0, len(w) - rows + 1, size):
             chunk = np.ascontiguousarray(w[start : start + size + rows - 1])

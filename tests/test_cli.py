@@ -596,3 +596,10 @@ def test_orders_that_cannot_be_fitted_are_refused_or_listed(data):
     )
     out = excite("orders", data, *ROLES, "--method", "po_moesp", "--orders", "2,400")[1]
     assert "largest possible" in out and "best order by singular-value gap: 2" in out
+
+
+def test_only_flights_are_filmed_and_into_gif_files(flight, tmp_path):
+    argv = ("simulate", "quadrotor", "--input", flight / "played.csv", "-o", tmp_path / "f.npz")
+    assert "ends in .gif" in refused(*argv, "--clip", tmp_path / "f.mp4")
+    assert "only flights of the quadrotor" in refused(*(a if a != "quadrotor" else "goland" for a in argv), "--clip", "f.gif")
+    assert not list(tmp_path.iterdir())

@@ -111,7 +111,7 @@ def compress(experiments: tuple[Experiment, ...], past: int, future: int) -> Pas
 def require_excitation(data: PastFuture, start: int, stop: int, what: str) -> None:
     """Refuse inputs whose block rows start:stop are not of full row rank, naming `what` they are."""
     rows = data.u(start, stop)
-    singular = la.svdvals(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    _, singular = left_svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
     if singular[-1] < RANK_TOLERANCE * singular[0]:
         needed = stop - start
         found = certify(data.experiments, block_rows=needed).order

@@ -12,8 +12,10 @@ from excite.hankel import append_rows, cholesky, condition_of
 from excite.types.experiment import Experiment
 
 BLOCK = 16  # samples lifted at once: the Gram matrices grow with them, the scan from block to block shrinks
-CHUNK_VALUES = 131_072  # doubles of lifted data held at once, 1 MB: they stay in cache
+CHUNK_VALUES = 262_144  # doubles of lifted data held at once, 2 MB
+THREAD_FREE = 500_000  # multiplications up to which BLAS starts no threads, which cost more than such products
 NORMAL_CONDITION = 1e4  # up to it the normal equations hold eight digits of the solution
+FADED = 1e-20  # of its beginning: what the initial state adds to the output by then is lost in rounding
 MODAL_CONDITION = 1e3  # of the eigenvectors: up to it sums over modes hold ten digits, squared
 
 
@@ -83,13 +85,13 @@ def _by_normal_equations(
     for experiment, own_places in zip(experiments, places, strict=True):
         sums = {}
         for blocks in dual.blocks(experiment):
-            products, steps = blocks.products(), blocks.Y.shape[2]
-            sums[steps] = [a + p for a, p in zip(sums[steps], products, strict=True)] if steps in sums else products
-        for steps, (grams, on_y) in sums.items():
-            for G, gram, outputs in zip(dual.rows, grams, dual.outputs, strict=True):
-                q, _, p = G.shape
-                phi = G[:, :steps].reshape(-1, p)
-                own = phi.T @ (gram @ phi.reshape(q, -1)).reshape(-1, p)
+            products, shape = blocks.products(), (blocks.S.shape[2], blocks.Y.shape[2])
+            sums[shape] = [a + p for a, p in zip(sums[shape], products, strict=True)] if shape in sums else products
+        for shape, (grams, on_y) in sums.items():
+            for g, outputs in enumerate(dual.outputs):
+                G = dual.rows_of(g, *shape)
+                phi = G.reshape(-1, G.shape[2])
+                own = phi.T @ np.tensordot(grams[g], G, 1).reshape(phi.shape)
                 for l in outputs:
                     N += own_places[l].T @ own @ own_places[l]
                     b += on_y[l].ravel() @ phi @ own_places[l]
@@ -109,9 +111,9 @@ def _by_qr(experiments: tuple[Experiment, ...], dual: "_Dual", places: list[list
     for experiment, own_places in zip(experiments, places, strict=True):
         own = [np.zeros((p + len(outputs), p + len(outputs)), order="F") for outputs in dual.outputs]
         for blocks in dual.blocks(experiment):
-            steps = blocks.Y.shape[2]
             for g, outputs in enumerate(dual.outputs):
-                phi = np.tensordot(np.hstack([blocks.S[g], blocks.U]), dual.rows[g][:, :steps], 1).reshape(-1, p)
+                G = dual.rows_of(g, blocks.S.shape[2], blocks.Y.shape[2])
+                phi = np.tensordot(np.hstack([blocks.S[g], blocks.U]), G, 1).reshape(-1, p)
                 own[g] = append_rows(own[g], np.hstack([phi, blocks.Y[outputs].reshape(len(outputs), -1).T]))
         for R_g, outputs in zip(own, dual.outputs, strict=True):
             for i, l in enumerate(outputs):
@@ -127,7 +129,8 @@ def _by_qr(experiments: tuple[Experiment, ...], dual: "_Dual", places: list[list
 class _Blocks:
     """Successive blocks of one record.
 
-    S (g, blocks, (nu + 1) n) : z_1 … z_nu, rho of each dual system at the blocks' starts; U (blocks, BLOCK nu) : inputs;
+    S (g, blocks, s) : z_1 … z_nu, and rho until it has faded, of each dual system at the blocks' starts, s = nu n or
+    (nu + 1) n; U (blocks, BLOCK nu) : inputs;
     Y (ny, blocks, steps) : what the phi are to explain, steps being BLOCK but for a last block that the record leaves open.
     """
 
@@ -137,12 +140,19 @@ class _Blocks:
 
     def products(self) -> list[np.ndarray]:
         """Gram matrices of x = [S, U], (g, q, q), and products x^T Y, (ny, q, steps), summed over the blocks."""
-        (g, _, s), St = self.S.shape, self.S.transpose(0, 2, 1)
-        q = s + self.U.shape[1]
-        grams, on_y = np.empty((g, q, q)), np.empty((len(self.Y), q, self.Y.shape[2]))
-        grams[:, :s, :s], grams[:, :s, s:], grams[:, s:, s:] = St @ self.S, St @ self.U, self.U.T @ self.U
+        (g, blocks, s), inputs = self.S.shape, self.U.shape[1]
+        grams = np.zeros((g, s + inputs, s + inputs))
+        on_y = np.zeros((len(self.Y), s + inputs, self.Y.shape[2]))
+        size = max(64, THREAD_FREE // max(s, inputs, 1) ** 2)
+        for start in range(0, blocks, size):
+            S, U, Y = self.S[:, start : start + size], self.U[start : start + size], self.Y[:, start : start + size]
+            St = S.transpose(0, 2, 1)
+            grams[:, :s, :s] += St @ S
+            grams[:, :s, s:] += St @ U
+            grams[:, s:, s:] += U.T @ U
+            on_y[:, :s] += St @ Y
+            on_y[:, s:] += U.T @ Y
         grams[:, s:, :s] = grams[:, :s, s:].transpose(0, 2, 1)
-        on_y[:, :s], on_y[:, s:] = St @ self.Y, self.U.T @ self.Y
         return [grams, on_y]
 
 
@@ -162,8 +172,10 @@ class _Dual:
     @cached_property
     def _modal(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Generator b^T (1, n) and maps T_l^T (ny, n, n) of one system for all outputs, or None."""
+        if len(self.C) == 1:
+            return None
         V = la.eig(self.Ak.T)[1]
-        if len(self.C) == 1 or np.linalg.cond(V) > MODAL_CONDITION:
+        if np.linalg.cond(V) > MODAL_CONDITION:
             return None
         inverse = la.inv(V)
         maps = (V * (inverse @ self.C.T).T[:, None, :]) @ inverse
@@ -194,6 +206,10 @@ class _Dual:
     def powers(self) -> np.ndarray:
         """Ak^i (BLOCK + 1, n, n)."""
         return lti.observability(self.Ak, np.eye(len(self.Ak)), BLOCK + 1)
+
+    def rows_of(self, g: int, s: int, steps: int) -> np.ndarray:
+        """G (q, steps, p) of system g for blocks of `steps` samples that start from s states."""
+        return np.delete(self.rows[g][:, :steps], slice(s, (self.nu + 1) * len(self.Ak)), axis=0)
 
     @cached_property
     def rows(self) -> list[np.ndarray]:
@@ -231,13 +247,15 @@ class _Dual:
                 x = _scan(self.powers[-1].T, y.reshape(blocks, -1) @ reach_y, x)[-1]
                 y = y - driven
             by_input = u.reshape(blocks, BLOCK, nu).transpose(0, 2, 1).reshape(-1, BLOCK)
-            drive = np.zeros((blocks, nu + 1, g, n))
+            drive = np.zeros((blocks, *start.shape))
             drive[:, :nu] = (by_input @ reach).reshape(blocks, nu, g, n)
             starts = _scan(self.powers[-1], drive, start)
             start = starts[-1]
             S = starts[:-1].transpose(2, 0, 1, 3).reshape(g, blocks, -1)
             Y = np.ascontiguousarray(y.reshape(blocks, BLOCK, ny)[:, :steps].transpose(2, 0, 1))
             yield _Blocks(S, u.reshape(blocks, -1), Y)
+            if np.abs(start[nu:]).max(initial=0.0) < FADED * np.abs(self.generators).max():
+                start = start[:nu]
 
 
 def _scan(step: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Innovations and Kalman gain from state sequences."""
 
 import numpy as np
-import scipy.linalg as la
 
 from identify.ground.compression import lower_factor, regress, solve_lower
 
@@ -31,7 +30,7 @@ def state_regression(
 
 def spectral_radius(A: np.ndarray) -> float:
     """Largest eigenvalue modulus."""
-    return float(np.abs(la.eigvals(A)).max(initial=0.0))
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
 
 
 def noise_free(E: np.ndarray, Y: np.ndarray) -> bool:

@@ -23,7 +23,7 @@ class Moesp(DecomposingMethod):
     name: ClassVar[str] = "moesp"
     summary: ClassVar[str] = "ordinary MOESP, no instrument; open loop, white output noise"
     closed_loop: ClassVar[bool] = False
-    explained: ClassVar[int] = 4  # the row groups of [U_f; U_p; Y_p; Y_f] before this one, U_f aside, are the instrument
+    seen: ClassVar[tuple[int, int]] = (1, 4)  # groups of Q in [U_f; U_p; Y_p; Y_f] = L Q that Y_f is seen through
 
     feedthrough: bool = True
     block_rows: int = 20
@@ -35,5 +35,5 @@ class Moesp(DecomposingMethod):
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of the part of Y_f that the instrument explains beyond U_f."""
         future = future_lq(factor)
-        left, values = left_svd(future.L[future.groups(3, 4), future.groups(1, self.explained)])
+        left, values = left_svd(future.L[future.groups(3, 4), future.groups(*self.seen)])
         return Subspace.of_gamma(left, values, future.on_past)

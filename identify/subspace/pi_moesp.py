@@ -17,7 +17,7 @@ class PiMoesp(Moesp):
 
     name: ClassVar[str] = "pi_moesp"
     summary: ClassVar[str] = "MOESP with past inputs as instrument; open loop, output noise of any colour"
-    explained: ClassVar[int] = 2
+    seen: ClassVar[tuple[int, int]] = (1, 2)
 
     def largest_order(self, data: Data) -> int:
         """At most as many as the instrument has rows."""

@@ -16,4 +16,4 @@ class PoMoesp(Moesp):
 
     name: ClassVar[str] = "po_moesp"
     summary: ClassVar[str] = "past-output MOESP; open loop"
-    explained: ClassVar[int] = 3
+    seen: ClassVar[tuple[int, int]] = (1, 3)
