@@ -12,11 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.fft import irfft, next_fast_len, rfft
 
 from excite.errors import ExciteError
 
 GRAM_CONDITION = 1e6  # beyond it the Gram form holds fewer than four digits of the smallest singular value
 CHUNK_VALUES = 28_000  # doubles read at once: they stay in cache, and BLAS starts no threads for their products
+FFT_CHANNELS = 4  # from which the transforms, one a channel, cost less than the products, one a pair of channels
+FFT_VALUES = 128_000  # doubles transformed at once
 PRODUCT_ROWS = 16  # rows of one block's matrix product: fewer starve BLAS, more multiply lags that nobody asked for
 QR_VALUES = 131_072  # doubles of explicit Hankel columns decomposed at once, 1 MB (more where d columns need it)
 
@@ -87,7 +90,8 @@ def hankel_gram(segments: Sequence[np.ndarray], rows: int) -> np.ndarray:
     ends = [np.stack([np.ravel(part) for part in parts]) for parts in zip(*[_ends(w, rows) for w in segments], strict=True)]
     step = (ends[1].T @ ends[1] - ends[0].T @ ends[0]).reshape(rows - 1, c, rows - 1, c)
     G = np.empty((rows, c, rows, c))
-    G[0] = sum(_first_block_row(w, rows) for w in segments)
+    first_block_row = _first_block_row if c < FFT_CHANNELS else _first_block_row_by_fft
+    G[0] = sum(first_block_row(w, rows) for w in segments)
     for i in range(rows - 1):
         np.add(G[i, :, :-1], step[i], out=G[i + 1, :, 1:])
         G[i + 1, :, 0] = G[0, :, i + 1].T
@@ -123,10 +127,36 @@ def _first_block_row(w: np.ndarray, rows: int) -> np.ndarray:
     return total + (rest[: len(last)].T @ last).reshape(c, rows, c)
 
 
+def _first_block_row_by_fft(w: np.ndarray, rows: int) -> np.ndarray:
+    """`_first_block_row` from the cross-spectra of blocks of samples with those and the rows - 1 samples after them."""
+    N, c = w.shape
+    size = next_fast_len(8 * rows, real=True)
+    step, stop = size - rows + 1, N - rows + 1
+    spectrum, turn = np.zeros((size // 2 + 1, c, c), complex), step * max(1, FFT_VALUES // (size * c))
+    for start in range(0, stop, turn):
+        count = -(-(min(start + turn, stop) - start) // step)
+        part = np.ascontiguousarray(w[start : start + count * step + rows - 1])
+        heads = part[: count * step]
+        if stop - start < count * step:  # the last blocks end within the record
+            part = np.vstack([part, np.zeros((count * step + rows - 1 - len(part), c))])
+            heads = np.vstack([part[: stop - start], np.zeros((count * step - (stop - start), c))])
+        X = rfft(heads.reshape(count, step, c), size, axis=1).transpose(1, 2, 0)
+        Y = rfft(sliding_window_view(part, size, axis=0)[::step]).transpose(2, 0, 1)
+        spectrum += np.conjugate(X, order="C") @ np.ascontiguousarray(Y)
+    return irfft(spectrum, size, axis=0)[:rows].transpose(1, 0, 2)
+
+
 def cholesky(gram: np.ndarray) -> np.ndarray | None:
-    """Lower triangular factor of a symmetric matrix, None when it is not positive definite to rounding."""
-    upper, info = la.lapack.dpotrf(gram.T, lower=False)  # its transpose is lower triangular and stored by rows
-    return upper.T if info == 0 and np.isfinite(upper[-1, -1]) else None
+    """Lower triangular factor of a symmetric matrix, None when it is not positive definite to rounding.
+
+    By numpy's LAPACK, since matrix products use it too: threads of two BLAS libraries that wait for each other's turn
+    cost tens of milliseconds.
+    """
+    try:
+        L = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return None
+    return L if np.isfinite(L[-1, -1]) else None
 
 
 def condition_of(L: np.ndarray) -> float:

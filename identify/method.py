@@ -12,6 +12,7 @@ import numpy as np
 from excite.errors import ExciteError, Unsupported, did_you_mean
 from excite.types.experiment import Experiment
 from identify.estimate import Estimate, Status
+from identify.ground.threads import blas_threads
 from identify.orders import largest_gap
 from identify.preprocess import gap_free, out_of_range, proportional
 
@@ -127,13 +128,16 @@ class Method(ABC):
         if order is not None:
             check_order(self.name, order, self.largest_order(data))
 
-    def fit(self, data: Data, order: int | None = None, factor: Any = None) -> Estimate:
-        """Check, prepare (unless a shared factor is given), realize."""
+    def fit(self, data: Data, order: int | None = None, shared: dict[tuple, Any] | None = None) -> Estimate:
+        """Check, prepare, realize; `shared` keeps what was prepared from these data, by `factor_key`, for further fits."""
         begin = time.perf_counter()
         data = experiments(data)
-        self.check(data, order)
-        factor = self.prepare(data) if factor is None else factor
-        estimate = self.realize(factor, order)
+        with blas_threads(len(data[0].inputs) + len(data[0].outputs)):
+            self.check(data, order)
+            factors = {} if shared is None else shared
+            if self.factor_key() not in factors:
+                factors[self.factor_key()] = self.prepare(data)
+            estimate = self.realize(factors[self.factor_key()], order)
         if (span := self.span(estimate.order)) and (records := gap_free(data, span)).missing:
             x0 = tuple(estimate.x0[i] for i in records.first)
             estimate = replace(estimate, x0=x0, warnings=(records.report(span), *estimate.warnings))

@@ -153,10 +153,10 @@ def order_table(data: "Data", method: "Method", orders: Sequence[int]) -> OrderT
 
     data = experiments(data)
     method.check(data, None)
-    factor, rows = method.prepare(data), []
+    shared, rows = {}, []
     for n in sorted(set(orders)):
         try:
-            estimate = method.fit(data, n, factor)
+            estimate = method.fit(data, n, shared)
         except ExciteError as error:
             rows.append(OrderRow(n, None, str(error), np.nan, Criteria(np.nan, np.nan, 0), np.nan))
             continue

@@ -45,8 +45,8 @@ def gap_free(data: tuple[Experiment, ...], shortest: int) -> GapFree:
     parts, first, start, missing = [], [], [], 0
     for k, record in enumerate(data):
         first.append(len(parts))
-        gap = _incomplete(record)
-        if not gap.any():
+        gap = record.incomplete
+        if gap is None:
             parts.append(record)
             start.append(0)
             continue
@@ -61,14 +61,6 @@ def gap_free(data: tuple[Experiment, ...], shortest: int) -> GapFree:
         parts += [record.window(a, b) for a, b in kept]
         start.append(int(kept[0, 0]))
     return GapFree(tuple(parts), tuple(first), tuple(start), sum(map(len, data)), missing)
-
-
-def _incomplete(record: Experiment) -> np.ndarray:
-    """Which samples miss a value, (N,); or one False when none does, which a sum tells in a tenth of the time."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(record.u.sum() + record.y.sum()):
-            return np.zeros(1, bool)
-    return np.isnan(record.u).any(1) | np.isnan(record.y).any(1)
 
 
 def out_of_range(experiment: Experiment) -> str | None:

@@ -201,17 +201,14 @@ def identify(source: dict, folder: Path, setting: str, k: int) -> None:
     spec, recording = chosen(scenario, spec, rule, folder), flown(folder, "estimation", k)
     data = experiments(view(scenario, spec, rule, recording))
     judge = _Judge(scenario, spec, rule, folder, recording)
-    factors: dict[tuple, Any] = {}
+    shared: dict[tuple, Any] = {}
     for m, method in built_methods(scenario, spec, rule):
         for n in m.orders:
             path = result_path(folder, setting, m.name, n, k)
             if path.exists():
                 continue
             try:
-                method.check(data, n)
-                if method.factor_key() not in factors:
-                    factors[method.factor_key()] = method.prepare(data)
-                estimate = method.fit(data, n, factors[method.factor_key()])
+                estimate = method.fit(data, n, shared)
                 outcome = judge(estimate)
             except ExciteError as error:
                 estimate, outcome = None, Score({}, reason=str(error))

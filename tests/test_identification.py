@@ -121,10 +121,11 @@ def test_shared_factors_give_the_same_estimate():
     data, _ = example()
     iem, ssarx = load_method("iem"), load_method("ssarx")
     assert iem.factor_key() == ssarx.factor_key() != load_method("iem", past=21).factor_key()
-    factor = iem.prepare(data)
+    shared = {}
     for method in (iem, ssarx):
-        shared_one, own = method.fit(data, 4, factor), method.fit(data, 4)
+        shared_one, own = method.fit(data, 4, shared), method.fit(data, 4)
         assert shared_one.model.impulse(20).tobytes() == own.model.impulse(20).tobytes()
+    assert list(shared) == [iem.factor_key()]
 
 
 def test_poor_excitation_is_refused_with_the_orders():

@@ -172,7 +172,8 @@ REFUSALS = {
     "setting twice": ({"setting": [{"name": "rates"}, {"name": "rates"}]}, "short.toml: setting[1].name: 'rates' is given twice"),
     "setting without method": ({"setting": [{"name": "attitude"}, {"name": "rates"}], "method/0/setting": "attitude",
                                 "method/1/setting": "attitude"}, "short.toml: setting[1]: no method for 'rates'"),
-    "setting name": ({"setting/0/name": "attitud"}, "'attitud' is no setting of plant quadrotor excited at 'attitude_setpoint'; did you mean 'attitude'?"),
+    "setting name": ({"setting/0/name": "attitud"}, "'attitud' is no setting of plant quadrotor excited at "
+                     "'attitude_setpoint'; did you mean 'attitude'?"),
     "path as name": ({"name": "../short"}, "short.toml: name: '../short'; use at most 60 letters, digits, _ and -"),
     "path as setting": ({"setting/0/name": "../rates"}, "short.toml: setting[0].name: '../rates'; use at most 60 letters"),
     "long name": ({"name": "x" * 61}, "use at most 60 letters"),
@@ -280,7 +281,8 @@ def test_a_byte_order_mark_does_no_harm(tmp_path):
 def test_a_crash_names_the_parameters_and_leaves_what_was_finished(jobs, tmp_path):
     changes = {"plant/parameters": {"hover_altitude": 0.1001}}
     scenario = check_scenario(changed(changes), "short.toml")
-    with pytest.raises(SimulationStopped, match=r"estimation flight \d with plant.parameters .*hover_altitude.*altitude 0") as caught:
+    named = r"estimation flight \d with plant.parameters .*hover_altitude.*altitude 0"
+    with pytest.raises(SimulationStopped, match=named) as caught:
         run_scenario(scenario, tmp_path / "out", jobs)
     assert caught.value.exit_code == 2
     assert not list((tmp_path / "out").rglob(".*.tmp"))

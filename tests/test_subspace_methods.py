@@ -18,7 +18,7 @@ from identify.checks import closed_loop, example
 from identify.estimate import Status
 from identify.ground.compression import lq
 from identify.ground.stability_guard import stable_dynamics
-from identify.method import fit, load_method
+from identify.method import METHODS, fit, load_method, method_class
 from identify.metrics import impulse_error
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
@@ -340,3 +340,26 @@ def test_horizons_too_long_for_the_data_say_how_long_they_can_be():
     data, _ = example(samples=300)
     with pytest.raises(Unsupported, match=r"need 280 Hankel columns, but the data leave 231; .* is 60"):
         fit(data, "ssinnov2", 4, past=20, future=40)
+
+
+@pytest.mark.parametrize("method", [m for m in METHODS if method_class(m).consumes == "time series"])
+def test_an_impulse_is_taken_or_refused_by_its_excitation(method):
+    rng, u = np.random.default_rng(0), np.zeros(240)
+    u[5] = 1.0
+    y = np.convolve(u, [0, 1, 0.8, 0.5, 0.2, 0.1])[:240] + 1e-3 * rng.standard_normal(240)
+    try:
+        fit(Experiment(u, y, dt=1.0), method, 2)
+    except ExciteError as error:
+        assert "exciting of order" in str(error)
+
+
+def test_noise_on_the_input_does_not_bias_where_the_reference_is_the_instrument():
+    """Open loop: B and D from covariances with the reference, not by simulation on the noisy input."""
+    errors = []
+    for samples in (2000, 32_000):
+        rng = np.random.default_rng(0)
+        r, noise = rng.standard_normal(samples), 0.5 * rng.standard_normal((2, samples))
+        true = StateSpaceModel([[1.5, -0.7], [1, 0]], [[1], [0]], [[1, 0.5]], [[0]], 1.0)
+        data = Experiment(r + noise[0], true.simulate(r[:, None])[:, 0] + noise[1], dt=1.0, reference=r)
+        errors.append(impulse_error(fit(data, "io_realization", 2, instrument="reference").model, true))
+    assert errors[1] < 0.4 * errors[0] < 0.04

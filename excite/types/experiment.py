@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,6 +66,15 @@ class Experiment:
 
     def __len__(self) -> int:
         return len(self.u)
+
+    @cached_property
+    def incomplete(self) -> np.ndarray | None:
+        """Which samples miss a value of u or y, (N,) bool, or None when none does."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            if np.isfinite(self.u.sum() + self.y.sum()):  # a tenth of the time of looking for NaN
+                return None
+        missing = np.isnan(self.u).any(1) | np.isnan(self.y).any(1)
+        return missing if missing.any() else None
 
     def window(self, start: int, stop: int | None = None) -> "Experiment":
         """Return samples start:stop as an experiment of its own."""

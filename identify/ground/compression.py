@@ -111,7 +111,8 @@ def compress(experiments: tuple[Experiment, ...], past: int, future: int) -> Pas
 def require_excitation(data: PastFuture, start: int, stop: int, what: str) -> None:
     """Refuse inputs whose block rows start:stop are not of full row rank, naming `what` they are."""
     rows = data.u(start, stop)
-    _, singular = left_svd(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+    norms = np.linalg.norm(rows, axis=1, keepdims=True)
+    _, singular = left_svd(rows / np.where(norms > 0, norms, 1.0))
     if singular[-1] < RANK_TOLERANCE * singular[0]:
         needed = stop - start
         found = certify(data.experiments, block_rows=needed).order
@@ -198,7 +199,7 @@ def left_svd(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     From the eigenvectors of M M^T, which take a third of the time; by SVD where the condition is too large for squares,
     as for the Gram form of the data.
     """
-    squares, vectors = la.eigh(M @ M.T, check_finite=False)
+    squares, vectors = np.linalg.eigh(M @ M.T)  # divide and conquer
     if squares[0] * GRAM_CONDITION**2 > squares[-1]:
         return vectors[:, ::-1], np.sqrt(squares[::-1])
     left, values, _ = la.svd(M, full_matrices=False, check_finite=False)

@@ -13,7 +13,6 @@ from excite.types.experiment import Experiment
 
 BLOCK = 16  # samples lifted at once: the Gram matrices grow with them, the scan from block to block shrinks
 CHUNK_VALUES = 262_144  # doubles of lifted data held at once, 2 MB
-THREAD_FREE = 500_000  # multiplications up to which BLAS starts no threads, which cost more than such products
 NORMAL_CONDITION = 1e4  # up to it the normal equations hold eight digits of the solution
 FADED = 1e-20  # of its beginning: what the initial state adds to the output by then is lost in rounding
 MODAL_CONDITION = 1e3  # of the eigenvectors: up to it sums over modes hold ten digits, squared
@@ -140,18 +139,13 @@ class _Blocks:
 
     def products(self) -> list[np.ndarray]:
         """Gram matrices of x = [S, U], (g, q, q), and products x^T Y, (ny, q, steps), summed over the blocks."""
-        (g, blocks, s), inputs = self.S.shape, self.U.shape[1]
-        grams = np.zeros((g, s + inputs, s + inputs))
-        on_y = np.zeros((len(self.Y), s + inputs, self.Y.shape[2]))
-        size = max(64, THREAD_FREE // max(s, inputs, 1) ** 2)
-        for start in range(0, blocks, size):
-            S, U, Y = self.S[:, start : start + size], self.U[start : start + size], self.Y[:, start : start + size]
-            St = S.transpose(0, 2, 1)
-            grams[:, :s, :s] += St @ S
-            grams[:, :s, s:] += St @ U
-            grams[:, s:, s:] += U.T @ U
-            on_y[:, :s] += St @ Y
-            on_y[:, s:] += U.T @ Y
+        (g, _, s), St = self.S.shape, self.S.transpose(0, 2, 1)
+        q = s + self.U.shape[1]
+        grams, on_y = np.empty((g, q, q)), np.empty((len(self.Y), q, self.Y.shape[2]))
+        for gram, S in zip(grams, self.S, strict=True):
+            gram[:s, :s] = S.T @ S
+        grams[:, :s, s:], grams[:, s:, s:] = St @ self.U, self.U.T @ self.U
+        on_y[:, :s], on_y[:, s:] = St @ self.Y, self.U.T @ self.Y
         grams[:, s:, :s] = grams[:, :s, s:].transpose(0, 2, 1)
         return [grams, on_y]
 

@@ -55,8 +55,9 @@ class IoRealization(Method):
     samples before to r after as Z, applied before the inputs are projected out, it is not. Without instrument (Q_Z = I)
     coloured noise biases the poles, also when it shares A's (4.4 denies that).
 
-    B, D and x0 follow by least squares on all samples, in open loop; in closed loop, or when A is not stable, B and D
-    from the covariances with the instrument at lags -p to 2 r. The model has no noise part.
+    B, D and x0 follow by least squares on all samples; with the reference as instrument (which a noisy input needs as
+    well), in closed loop, or when A is not stable, B and D from the covariances with the instrument at lags -p to 2 r.
+    The model has no noise part.
 
     block_rows : r; past : p; instrument : "none", "past_inputs", "reference" (any signal that moves the input and is
     free of the noise can be recorded as reference), or "auto": the reference in closed loop, past inputs in open loop;
@@ -146,12 +147,12 @@ class IoRealization(Method):
         data, first, shifted = factor.experiments, factor.experiments[0], factor.shifted
         n, warnings = order_or_gap(order, shifted.svd.values, self.largest_order(data))
         A, _, C = era(shifted.svd, shifted.shifted, n)
-        closed = any(e.loop.closed for e in data)
-        biased = closed and self._instrument(data) != "reference"
+        reference = self._instrument(data) == "reference"
+        biased = not reference and any(e.loop.closed for e in data)
         warnings += (BIASED,) * biased
         x0 = None
-        if closed or spectral_radius(A) >= 1:
-            if not closed:
+        if reference or biased or spectral_radius(A) >= 1:
+            if not (reference or biased):
                 warnings += ("A is not stable, so B and D were fitted to covariances with the input, not by simulation",)
             instruments = factor.instruments or tuple(e.u for e in data)
             R_u, R_y = covariances(data, instruments, -self.past, 2 * self.block_rows)

@@ -14,8 +14,8 @@ class Moesp(DecomposingMethod):
     [U_f; W; Y_f] = L Q with W the instrument, here none: the range of what U_f leaves of Y_f, seen through W, is range
     Gamma_f; A and C by shift invariance, K by regression on the state that Gamma_f and the past give, B, D and x0 by
     least squares on all samples (simulation; one-step predictor when the data are from a closed loop). Without an
-    instrument it is consistent only for white noise on the outputs. Biased in closed loop, as its whole family: there u
-    is correlated with past noise.
+    instrument it is consistent only for white noise of equal size on the outputs. Biased in closed loop, as its whole
+    family: there u is correlated with past noise.
 
     block_rows : s, rows of past and of future each.
     """

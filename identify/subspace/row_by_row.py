@@ -23,6 +23,6 @@ def causal_lq(factor: PastFuture, feedthrough: bool) -> tuple[np.ndarray, np.nda
 def coefficients_on(M: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return X with X M = target, M lower triangular; rows of M that depend on those before them get coefficient zero."""
     M = M.copy()
-    dependent = np.flatnonzero(np.abs(np.diag(M)) < TINY * np.linalg.norm(M, axis=1))
+    dependent = np.flatnonzero(np.abs(np.diag(M)) <= TINY * np.linalg.norm(M, axis=1))
     M[dependent, dependent] = np.inf
     return la.solve_triangular(M, target.T, lower=True, trans="T", check_finite=False).T

@@ -54,17 +54,14 @@ def compare(
     else:
         cut = 2 * len(data[-1]) // 3
         label, data[-1], judged = f"last third of {file[-1]}", data[-1].window(0, cut), data[-1].window(cut)
-    progress, rows, factors, models = ProgressLine(), [], {}, {}
+    progress, rows, shared, models = ProgressLine(), [], {}, {}
     pairs = [(name, n) for name in chosen for n in wanted]
     for i, (name, n) in enumerate(pairs):
         method = chosen[name]
         row = {"method": name, "order": n, "values": {}, "reason": None}
         try:
             with placed(", ".join(file)):
-                method.check(tuple(data), n)
-                if method.factor_key() not in factors:
-                    factors[method.factor_key()] = method.prepare(tuple(data))
-                estimate = method.fit(tuple(data), n, factors[method.factor_key()])
+                estimate = method.fit(tuple(data), n, shared)
             with placed(label):
                 result = score(estimate, judged)
             row["values"] = result.values
