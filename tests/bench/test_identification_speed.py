@@ -28,7 +28,7 @@ FASTER = ("W2", "W4")  # than any peer with correct B and D; W1 is Python's over
 NEEDS = {"ctrlsys": "ctrlsys", "era": "control", "sippy": "sippy_unipi"}
 TURNS = {
     "excite": {"W1": 5, "W2": 5, "W3": 5, "W4": 3, "W6": 3}, "ctrlsys": {"W1": 5, "W2": 5, "W3": 5, "W4": 3, "W6": 3},
-    "full QR": {"W1": 1, "W2": 1, "W3": 1, "W4": 1, "W6": 1}, "era": {"W1": 1, "W2": 1, "W3": 1, "W4": 1, "W6": 1},
+    "full QR": {"W1": 1, "W2": 1, "W3": 1, "W4": 1, "W6": 1}, "era": {"W1": 1, "W2": 1, "W3": 1, "W4": 3, "W6": 1},
     "sippy": {"W1": 1, "W2": 1, "W3": 1, "W6": 1},  # W4 takes it minutes
 }  # fmt: skip
 
