@@ -1,8 +1,9 @@
 """Compressed block-Hankel data: a triangular factor L with H = L Q, Q Q^T = I, without forming H.
 
 The Gram matrix H H^T has displacement structure, G[i+1, j+1] = G[i, j] - w(i) w(j)^T + w(M+i) w(M+j)^T, so its first
-block row and M-independent updates give all of it; its Cholesky factor is L. Squaring the data squares the condition,
-so when the factor's condition leaves what double precision can hold, a QR decomposition over chunks takes over.
+block row, which is a correlation, and M-independent updates give all of it; its Cholesky factor is L. Squaring the data
+squares the condition, so when the factor's condition leaves what double precision can hold, a QR decomposition over
+chunks takes over.
 """
 
 from bisect import bisect_right
@@ -12,15 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.fft import irfft, next_fast_len, rfft
 
+from excite.correlation import Correlation, Joint, correlate
 from excite.errors import ExciteError
 
 GRAM_CONDITION = 1e6  # beyond it the Gram form holds fewer than four digits of the smallest singular value
-CHUNK_VALUES = 28_000  # doubles read at once: they stay in cache, and BLAS starts no threads for their products
-FFT_CHANNELS = 4  # from which the transforms, one a channel, cost less than the products, one a pair of channels
-FFT_VALUES = 128_000  # doubles transformed at once
-PRODUCT_ROWS = 16  # rows of one block's matrix product: fewer starve BLAS, more multiply lags that nobody asked for
 QR_VALUES = 131_072  # doubles of explicit Hankel columns decomposed at once, 1 MB (more where d columns need it)
 
 
@@ -29,7 +26,7 @@ class HankelFactor:
     """L (d, d) lower triangular with H = L Q for H (d, columns), d = rows * channels, row i*channels + a = w_a(t+i).
 
     condition : 1-norm condition estimate of L with unit-norm rows; path : "gram-cholesky" or "blocked-qr"; gram : H H^T
-    where the first path was taken.
+    where the first path was taken; correlation : of the segments that have columns.
     """
 
     L: np.ndarray
@@ -38,6 +35,7 @@ class HankelFactor:
     columns: int
     condition: float
     path: str
+    correlation: Correlation
     gram: np.ndarray | None = None
 
     def index(self, channel: slice | Sequence[int], start: int, stop: int) -> np.ndarray:
@@ -51,7 +49,7 @@ def columns_of(segments: Sequence[np.ndarray], rows: int) -> int:
     return sum(max(0, len(w) - rows + 1) for w in segments)
 
 
-def hankel_factor(segments: Sequence[np.ndarray], rows: int) -> HankelFactor:
+def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int) -> HankelFactor:
     """Compress the block-Hankel matrix of several segments (N_i, c), side by side, into its triangular factor.
 
     A segment is an array or whatever has its shape, length and slices (a memory map, an HDF5 dataset): it is read chunk
@@ -67,15 +65,16 @@ def hankel_factor(segments: Sequence[np.ndarray], rows: int) -> HankelFactor:
             f"{columns}; the largest possible number of block rows is {largest_rows(segments)}"
         )
     segments = [w for w in segments if len(w) >= rows]
-    gram = hankel_gram(segments, rows)
+    correlation = correlate(segments, rows - 1)
+    gram = hankel_gram(segments, correlation)
     L = cholesky(gram)
     if L is not None:
         condition = condition_of(L)
         spread = np.sqrt(np.diag(gram).reshape(rows, channels))
         if condition * (spread.max(0) / spread.min(0)).max() <= GRAM_CONDITION:
-            return HankelFactor(L, rows, channels, columns, condition, "gram-cholesky", gram)
+            return HankelFactor(L, rows, channels, columns, condition, "gram-cholesky", correlation, gram)
     L = _blocked_qr(segments, rows, d)
-    return HankelFactor(L, rows, channels, columns, condition_of(L), "blocked-qr")
+    return HankelFactor(L, rows, channels, columns, condition_of(L), "blocked-qr", correlation)
 
 
 def largest_rows(segments: Sequence[np.ndarray]) -> int:
@@ -84,66 +83,20 @@ def largest_rows(segments: Sequence[np.ndarray]) -> int:
     return bisect_right(range(1, max(map(len, segments)) + 1), 0, key=lambda n: n * channels - columns_of(segments, n))
 
 
-def hankel_gram(segments: Sequence[np.ndarray], rows: int) -> np.ndarray:
-    """Gram matrix H H^T (d, d) of the block-Hankel matrix, by displacement."""
-    c = segments[0].shape[1]
-    ends = [np.stack([np.ravel(part) for part in parts]) for parts in zip(*[_ends(w, rows) for w in segments], strict=True)]
-    step = (ends[1].T @ ends[1] - ends[0].T @ ends[0]).reshape(rows - 1, c, rows - 1, c)
+def hankel_gram(segments: Sequence[np.ndarray | Joint], correlation: Correlation) -> np.ndarray:
+    """Gram matrix H H^T (d, d) by displacement, H having a block row for each linear lag of the segments' correlation."""
+    rows, c = correlation.linear.shape[:2]
+    starts = np.stack([w[: rows - 1] for w in segments])
+    ends = np.stack([w[len(w) - rows + 1 :] for w in segments])
+    step = np.tensordot(ends, ends, (0, 0)) - np.tensordot(starts, starts, (0, 0))
     G = np.empty((rows, c, rows, c))
-    first_block_row = _first_block_row if c < FFT_CHANNELS else _first_block_row_by_fft
-    G[0] = sum(first_block_row(w, rows) for w in segments)
+    G[0] = correlation.linear.transpose(1, 0, 2)
+    if rows > 1:  # a column begins no later than `rows` samples before the end
+        G[0, :, :-1] -= correlate(ends, rows - 2).linear.transpose(1, 0, 2)
     for i in range(rows - 1):
         np.add(G[i, :, :-1], step[i], out=G[i + 1, :, 1:])
         G[i + 1, :, 0] = G[0, :, i + 1].T
     return G.reshape(rows * c, rows * c)
-
-
-def _ends(w: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that leave and that enter the windows from one block row to the next, (rows - 1, c) each."""
-    return w[: rows - 1], w[len(w) - rows + 1 :]
-
-
-def _first_block_row(w: np.ndarray, rows: int) -> np.ndarray:
-    """Sum over columns t of w(t) w(t+j)^T for j below `rows`, as (c, rows, c).
-
-    With B samples a line, X (blocks, B c), the products X(b)^T X(b+k) hold all pairs of samples up to k B + B - 1 apart;
-    the sum over t is then that of their B diagonals.
-    """
-    N, c = w.shape
-    B = -(-PRODUCT_ROWS // c)
-    reach = -(-(rows - 1) // B)
-    P = np.zeros((B * c, reach + 1, B * c))
-    blocks = max(0, (N - 1) // B - reach)
-    size = max(1, CHUNK_VALUES // (B * c))
-    for start in range(0, blocks, size):
-        X = np.ascontiguousarray(w[start * B : (min(start + size, blocks) + reach) * B]).reshape(-1, B * c)
-        own = X[: len(X) - reach].T
-        for k in range(reach + 1):
-            P[:, k] += own @ X[k : k + own.shape[1]]
-    P = P.reshape(B, c, (reach + 1) * B, c)
-    total = sum(P[i, :, i : i + rows] for i in range(B))
-    rest = np.ascontiguousarray(w[blocks * B :])
-    last = sliding_window_view(rest.reshape(-1), rows * c)[::c]
-    return total + (rest[: len(last)].T @ last).reshape(c, rows, c)
-
-
-def _first_block_row_by_fft(w: np.ndarray, rows: int) -> np.ndarray:
-    """`_first_block_row` from the cross-spectra of blocks of samples with those and the rows - 1 samples after them."""
-    N, c = w.shape
-    size = next_fast_len(8 * rows, real=True)
-    step, stop = size - rows + 1, N - rows + 1
-    spectrum, turn = np.zeros((size // 2 + 1, c, c), complex), step * max(1, FFT_VALUES // (size * c))
-    for start in range(0, stop, turn):
-        count = -(-(min(start + turn, stop) - start) // step)
-        part = np.ascontiguousarray(w[start : start + count * step + rows - 1])
-        heads = part[: count * step]
-        if stop - start < count * step:  # the last blocks end within the record
-            part = np.vstack([part, np.zeros((count * step + rows - 1 - len(part), c))])
-            heads = np.vstack([part[: stop - start], np.zeros((count * step - (stop - start), c))])
-        X = rfft(heads.reshape(count, step, c), size, axis=1).transpose(1, 2, 0)
-        Y = rfft(sliding_window_view(part, size, axis=0)[::step]).transpose(2, 0, 1)
-        spectrum += np.conjugate(X, order="C") @ np.ascontiguousarray(Y)
-    return irfft(spectrum, size, axis=0)[:rows].transpose(1, 0, 2)
 
 
 def cholesky(gram: np.ndarray) -> np.ndarray | None:

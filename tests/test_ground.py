@@ -8,13 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from excite import hankel, lti
+from excite import correlation, hankel, lti
+from excite.correlation import Joint, correlate
 from excite.hankel import columns_of, hankel_factor, hankel_gram, largest_rows
 from excite.types.experiment import Experiment
 from identify.checks import closed_loop
 from identify.estimate import Status
 from identify.ground import input_matrices as ground
-from identify.ground.compression import Joint, compress, future_lq, left_svd, lq, regress
+from identify.ground.compression import compress, future_lq, left_svd, lq, regress
 from identify.ground.initial_state import initial_state
 from identify.ground.kalman import state_regression
 from identify.method import fit
@@ -79,7 +80,7 @@ def test_displacement_stays_accurate_over_a_long_record_with_an_offset(offset):
     H = np.lib.stride_tricks.sliding_window_view(w.ravel(), 60)[::2]
     exact = H.T @ H
     size = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
-    assert np.abs((hankel_gram([w], 30) - exact) / size).max() < 1e-13
+    assert np.abs((hankel_gram([w], correlate([w], 29)) - exact) / size).max() < 1e-13
 
 
 def test_a_record_that_begins_with_a_blow_is_not_left_to_displacement():
@@ -121,7 +122,7 @@ def test_segments_are_read_piece_by_piece(tmp_path):
     slow = np.cumsum(np.cumsum(w, axis=0), axis=0)
     for values, path in ((w, "gram-cholesky"), (slow, "blocked-qr")):
         own = hankel_factor([values[:60_000], values[60_000:]], 20)
-        stored = hankel_factor([Stored(values[:60_000], 20_000), Stored(values[60_000:], 20_000)], 20)
+        stored = hankel_factor([Stored(values[:60_000], 40_000), Stored(values[60_000:], 40_000)], 20)
         assert own.path == stored.path == path
         np.testing.assert_array_equal(own.L, stored.L)
         np.save(tmp_path / "record.npy", values)
@@ -132,8 +133,9 @@ def test_segments_are_read_piece_by_piece(tmp_path):
 def test_a_joint_segment_is_u_beside_y():
     rng = np.random.default_rng(2)
     data = Experiment(rng.standard_normal((50, 2)), rng.standard_normal((50, 3)), dt=1.0)
-    np.testing.assert_array_equal(Joint(data)[7:20], np.hstack([data.u, data.y])[7:20])
-    assert Joint(data).shape == (50, 5) and len(Joint(data)) == 50
+    joint = Joint((data.u, data.y))
+    np.testing.assert_array_equal(joint[7:20], np.hstack([data.u, data.y])[7:20])
+    assert joint.shape == (50, 5) and len(joint) == 50
 
 
 def explicit_input_matrices(records, A, C, K, feedthrough):
@@ -186,6 +188,7 @@ def test_input_matrices_equal_the_explicit_least_squares(seed, n, ny, nu, feedth
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(ground, "NORMAL_CONDITION", limit)
             patch.setattr(ground, "CHUNK_VALUES", 1000)  # several chunks a record
+            patch.setattr(correlation, "BLOCK", 32)  # and many blocks
             result = ground.input_matrices(records, A, C, K, feedthrough)
         found += [result.B.T.ravel(), result.D.T.ravel() if feedthrough else [], *result.x0]
     size = max(1.0, np.abs(expected).max())

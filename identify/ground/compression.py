@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
+from excite.correlation import Joint
 from excite.errors import ExciteError
 from excite.hankel import GRAM_CONDITION, HankelFactor, cholesky, condition_of, hankel_factor
 from excite.persistency import RANK_TOLERANCE, certify
@@ -47,6 +48,12 @@ class PastFuture:
         """Number of outputs."""
         return self.experiments[0].y.shape[1]
 
+    @property
+    def circular(self) -> np.ndarray | None:
+        """Circular correlation of all experiments, None where some are too short to have a column."""
+        shortest = min(map(len, self.experiments))
+        return self.factor.correlation.circular if shortest >= self.factor.rows else None
+
     def u(self, start: int, stop: int) -> np.ndarray:
         """Input rows of block rows start:stop."""
         return self.factor.L[self.factor.index(slice(0, self.nu), start, stop)]
@@ -60,27 +67,9 @@ class PastFuture:
         return np.vstack([self.u(shift, shift + self.past), self.y(shift, shift + self.past)])
 
 
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """[u, y] of one experiment, (N, nu + ny), joined slice by slice, so that no long record is copied."""
-
-    experiment: Experiment
-
-    def __len__(self) -> int:
-        return len(self.experiment)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(N, nu + ny)."""
-        return len(self), self.experiment.u.shape[1] + self.experiment.y.shape[1]
-
-    def __getitem__(self, part: slice) -> np.ndarray:
-        return np.hstack([self.experiment.u[part], self.experiment.y[part]])
-
-
 def joint_segments(experiments: tuple[Experiment, ...]) -> list[Joint]:
     """Return [u, y] of each experiment, (N_i, nu + ny), refusing constant channels."""
-    segments = [Joint(e) for e in experiments]
+    segments = [Joint((e.u, e.y)) for e in experiments]
     first, constant = segments[0][:1], np.ones(segments[0].shape[1], bool)
     for w in segments:
         for start in range(0, len(w), 1000):

@@ -38,7 +38,8 @@ def complete(
     noise = {"K": K, "innovation_cov": E @ E.T / data.factor.columns}
     channels = {"inputs": first.inputs, "outputs": first.outputs}
     if fitted is None:
-        found = input_matrices(data.experiments, A, C, K if predictor else np.zeros_like(K), feedthrough)
+        gain = K if predictor else np.zeros_like(K)
+        found = input_matrices(data.experiments, A, C, gain, feedthrough, data.circular)
         if not all(np.isfinite(m).all() for m in (found.B, found.D)):
             raise ExciteError(f"{name}: the fit of B and D overflowed (A has radius {spectral_radius(A):.3f}); lower the order")
         model = StateSpaceModel(A, found.B, C, found.D, first.dt, **noise, **channels)
