@@ -9,6 +9,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 BLOCK = 512  # samples transformed at once: longer blocks leave the cache, shorter ones have more seams
 CHUNK_VALUES = 64_000  # doubles read at once, so that they stay in the cache …
 CHUNK_BLOCKS = 32  # … but at least as many blocks as keep matrix products busy
+FEW_CHANNELS = 3  # up to which matrix products, one a frequency, cost more than sums over blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +67,11 @@ def cross_spectrum(A: np.ndarray, B: np.ndarray, size: int) -> np.ndarray:
 
     Zeros fill up blocks of fewer than `size` samples.
     """
-    F = np.ascontiguousarray(rfft(A, size).transpose(2, 0, 1))
-    G = F if B is A else np.ascontiguousarray(rfft(B, size).transpose(2, 0, 1))
+    F = rfft(A, size)
+    G = F if B is A else rfft(B, size)
+    if len(A) <= FEW_CHANNELS:
+        return np.einsum("anf,bnf->fab", F.conj(), G)
+    F, G = (np.ascontiguousarray(Z.transpose(2, 0, 1)) for Z in (F, G))
     return F.conj() @ G.transpose(0, 2, 1)
 
 
@@ -77,7 +81,7 @@ def channel_blocks(w: np.ndarray | Joint, size: int) -> Iterator[np.ndarray]:
     All are views of one buffer: what is yielded changes with the next.
     """
     N, c = w.shape
-    turn = size * max(CHUNK_BLOCKS, CHUNK_VALUES // (c * size))
+    turn = size * blocks_at_once(c, size)
     X = np.empty((c, min(turn, -(-N // size) * size)))
     for start in range(0, N, turn):
         count, first = min(turn, N - start), 0
@@ -88,6 +92,11 @@ def channel_blocks(w: np.ndarray | Joint, size: int) -> Iterator[np.ndarray]:
             first = last
         X[:, count : blocks * size] = 0
         yield X[:, : blocks * size].reshape(c, blocks, size)
+
+
+def blocks_at_once(channels: int, size: int) -> int:
+    """Most blocks that `channel_blocks` yields at once."""
+    return max(CHUNK_BLOCKS, CHUNK_VALUES // (channels * size))
 
 
 def _block_length(segments: Sequence[np.ndarray | Joint], reach: int) -> int:

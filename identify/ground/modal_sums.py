@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.correlation import Joint, channel_blocks
+from excite.correlation import Joint, blocks_at_once, channel_blocks
 
 DENORMAL = 1e-100  # smaller powers are taken as zero: products of denormal numbers are slow
 
@@ -29,47 +29,19 @@ class ModalSums:
 def modal_sums(records: Sequence[np.ndarray | Joint], circular: np.ndarray, modes: np.ndarray, m: int) -> ModalSums:
     """Sum over records (N_e, c) of the given circular correlation, for the modes (n,) of a real matrix, as `eig` gives them.
 
-    Within a block, zeta is its periodic response plus lambda^t times what its start lacks of that: the sums on data come
-    from the circular correlation and from two weighted sums of each block. The sums of zeta^* zeta follow from those, for
-    they are also those of the next samples: (1 - conj(lambda_i) lambda_j) own = conj(lambda_i) on_data + (…)^* + what the
-    ends bring. All modes must lie inside the unit circle.
+    Within a block, zeta is its periodic response plus lambda^t times what its start lacks of that. The periodic part of
+    on_data comes from the circular correlation, the rest from two weighted sums of each block. The sums of zeta^* zeta
+    follow, for they are also those of the next samples: (1 - conj(lambda_i) lambda_j) own = conj(lambda_i) on_data + (…)^* +
+    what the ends bring. All modes must lie inside the unit circle.
     """
     size, c, n = len(circular), circular.shape[1], len(modes)
-    modes = modes.conj()  # whose filters make conj(zeta)
-    powers = _powers(modes, size + 1)
-    powers[np.abs(powers) < DENORMAL] = 0
-    powers, around = powers[:size], powers[size]
-    parts, of_parts = _real_parts(modes, powers)
-    forced = circular[np.arange(1, size + 1) % size, :m].reshape(size, -1)
-    on_data = (of_parts.T @ (parts.T @ forced) / (1 - around)[:, None]).reshape(n, m, c)
-    decay_on_data = np.zeros((len(records), n, c), complex)
-    last = np.empty((len(records), m + 1, n), complex)
-    decay = _decaying(around, 1)
-    for e, w in enumerate(records):
-        state, left = np.zeros((n, m + 1), complex), len(w)
-        state[:, m] = 1
-        for X in channel_blocks(w, size):
-            blocks = X.shape[1]
-            weighted = (X @ parts @ of_parts).transpose(2, 1, 0)
-            drive = np.zeros((n, blocks + 1, m + 1), complex)
-            drive[:, 0] = state
-            drive[:, 1:, :m] = (X[:m] @ parts[::-1] @ of_parts).transpose(2, 1, 0)
-            if len(decay[0]) <= blocks:
-                decay = _decaying(around, blocks + 1)
-            starts = decay[:, : blocks + 1, : blocks + 1] @ drive
-            state = starts[:, -1]
-            left -= (blocks - 1) * size
-            if left <= size:  # the end of the record, be it within its last block
-                last[e] = starts[:, -2].T * modes**left
-                last[e, :m] += X[:m, -1, :left] @ powers[left - 1 :: -1]
-            left -= size
-            periodic = drive[:, 1:] / (1 - around)[:, None, None]
-            free = (starts[:, :-1] - periodic).transpose(0, 2, 1) @ weighted
-            on_data += free[:, :m]
-            decay_on_data[e] += free[:, m]
-    on_data = on_data.transpose(1, 0, 2)
+    filters = _Filters(modes.conj(), size, min(blocks_at_once(c, size), -(-max(map(len, records)) // size)))
+    free, last = map(np.stack, zip(*[filters.run(w, m) for w in records], strict=True))
+    on_data = (filters.periodic(circular[:, :m]) + free[:, :, :m].sum(0)).transpose(1, 0, 2)
+    decay_on_data = free[:, :, m]
+    modes = filters.modes
     turn = (1 - np.multiply.outer(modes, modes.conj()))[:, None]
-    ahead, final = modes[:, None, None] * on_data[:, :, :m, None], last[:, :m].reshape(len(records), -1)
+    ahead, final = modes[:, None, None] * on_data[:, :, :m, None], last[:, :m].reshape(len(records), m * n)
     own = circular[0, :m, None, :m, None] + ahead + ahead.transpose(2, 3, 0, 1).conj()
     own -= (final.T @ final.conj()).reshape(own.shape)
     decay_on_own = -last[:, m, :, None, None] * last.conj()[:, None]
@@ -78,10 +50,45 @@ def modal_sums(records: Sequence[np.ndarray | Joint], circular: np.ndarray, mode
     return ModalSums(on_data, own / turn, decay_on_data, decay_on_own / turn)
 
 
-def _decaying(factors: np.ndarray, count: int) -> np.ndarray:
-    """Lower triangular (n, count, count) with factor^(i - j): what x(i) = factor x(i-1) + d(i) makes of d."""
-    lag = np.subtract.outer(np.arange(count), np.arange(count))
-    return np.where(lag >= 0, _powers(factors, count).T[:, lag], 0)
+class _Filters:
+    """zeta(t+1) = mu_i zeta(t) + w(t) over blocks of `size` samples, at most `most` at once."""
+
+    def __init__(self, modes: np.ndarray, size: int, most: int) -> None:
+        powers = _powers(modes, size + 1)
+        powers[np.abs(powers) < DENORMAL] = 0
+        self.modes, self.powers, self.around = modes, powers[:size], powers[size]
+        self.parts, self.of_parts = _real_parts(modes, self.powers)
+        lag = np.subtract.outer(np.arange(most + 1), np.arange(most + 1))
+        self.scan = np.where(lag >= 0, _powers(self.around, most + 1).T[:, lag], 0)  # starts from what each block adds
+
+    def periodic(self, circular: np.ndarray) -> np.ndarray:
+        """Sums (n, m, c) of the periodic responses to the first of w_a w_b, circular (size, m, c), with the second."""
+        ahead = np.roll(circular, -1, axis=0).reshape(len(circular), -1)
+        sums = self.of_parts.T @ (self.parts.T @ ahead) / (1 - self.around)[:, None]
+        return sums.reshape(len(sums), *circular.shape[1:])
+
+    def run(self, w: np.ndarray | Joint, m: int) -> tuple[np.ndarray, np.ndarray]:
+        """Sums (n, m + 1, c) over record w (N, c) of what its zeta add to their periodic responses, and zeta(N), (m + 1, n).
+
+        zeta_a for the first m channels a from zero, and the decay of 1 without an input.
+        """
+        size, c, n = len(self.powers), w.shape[1], len(self.modes)
+        sums, state = np.zeros((n, m + 1, c), complex), np.zeros((n, m + 1), complex)
+        state[:, m] = 1
+        for X in channel_blocks(w, size):
+            blocks = X.shape[1]
+            weighted = (X @ self.parts @ self.of_parts).transpose(2, 1, 0)
+            added = np.zeros((n, blocks + 1, m + 1), complex)
+            added[:, 0] = state
+            added[:, 1:, :m] = (X[:m] @ self.parts[::-1] @ self.of_parts).transpose(2, 1, 0)
+            starts = self.scan[:, : blocks + 1, : blocks + 1] @ added
+            state = starts[:, -1]
+            free = starts[:, :-1] - added[:, 1:] / (1 - self.around)[:, None, None]
+            sums += free.transpose(0, 2, 1) @ weighted
+        rest = (len(w) - 1) % size + 1  # samples of the last block
+        last = starts[:, -2].T * self.modes**rest
+        last[:m] += X[:m, -1, :rest] @ self.powers[rest - 1 :: -1]
+        return sums, last
 
 
 def _powers(factors: np.ndarray, count: int) -> np.ndarray:
