@@ -14,6 +14,7 @@ from excite.hankel import columns_of, hankel_factor, hankel_gram, largest_rows
 from excite.types.experiment import Experiment
 from identify.checks import closed_loop
 from identify.estimate import Status
+from identify.ground import dual_regression
 from identify.ground import input_matrices as ground
 from identify.ground.compression import compress, future_lq, left_svd, lq, regress
 from identify.ground.initial_state import initial_state
@@ -187,7 +188,7 @@ def test_input_matrices_equal_the_explicit_least_squares(seed, n, ny, nu, feedth
     for limit, found in ((ground.NORMAL_CONDITION, squared), (0, by_qr)):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(ground, "NORMAL_CONDITION", limit)
-            patch.setattr(ground, "CHUNK_VALUES", 1000)  # several chunks a record
+            patch.setattr(dual_regression, "CHUNK_VALUES", 1000)  # several chunks a record
             patch.setattr(correlation, "BLOCK", 32)  # and many blocks
             result = ground.input_matrices(records, A, C, K, feedthrough)
         found += [result.B.T.ravel(), result.D.T.ravel() if feedthrough else [], *result.x0]

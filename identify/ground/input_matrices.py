@@ -1,20 +1,17 @@
 """B, D and x0 by linear least squares over all samples, given A, C and a predictor gain."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
 
-from excite import lti
 from excite.correlation import Joint, correlate
-from excite.hankel import append_rows
 from excite.types.experiment import Experiment
+from identify.ground.dual_regression import by_dual_regression
 from identify.ground.modal_sums import modal_sums
 
 NORMAL_CONDITION = 1e4  # up to it the normal equations hold eight digits of the solution
 DAMPING = 1e-6  # least distance of a mode from the unit circle at which sums over it hold ten digits
-CHUNK_VALUES = 262_144  # doubles of regressors decomposed at once, 2 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +39,7 @@ def input_matrices(
     Ak = A - K @ C
     with np.errstate(all="ignore"):  # an unstable Ak may overflow: the result then is not finite
         found = _by_normal_equations(experiments, Ak, C, K, feedthrough, circular)
-        B, D, x0 = found or _by_qr(experiments, Ak, C, K, feedthrough)
+        B, D, x0 = found or by_dual_regression(experiments, Ak, C, K, feedthrough)
     return InputMatrices(B + K @ D, D, tuple(x0))
 
 
@@ -130,58 +127,3 @@ def _inverse_norm(L: np.ndarray) -> float:
     """1-norm of the inverse of a lower triangular matrix, estimated."""
     reciprocal, _ = la.lapack.ztrcon(L, uplo="L")
     return 1 / (reciprocal * np.abs(L).sum(0).max()) if reciprocal > 0 else np.inf
-
-
-def _by_qr(
-    experiments: tuple[Experiment, ...], Ak: np.ndarray, C: np.ndarray, K: np.ndarray, feedthrough: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return B - K D, D, x0 (experiments, n), of least norm where they are not unique, NaN where the regressors overflow."""
-    n, ny, nu = len(Ak), len(C), experiments[0].u.shape[1]
-    on_B, on_D = np.arange(nu * n), nu * n + np.arange(nu * ny if feedthrough else 0).reshape(-1, ny)
-    unknowns = nu * n + on_D.size + n * len(experiments)
-    R = np.zeros((unknowns + 1, unknowns + 1), order="F")
-    for e, experiment in enumerate(experiments):
-        on_x0 = unknowns - n * (len(experiments) - e) + np.arange(n)
-        places = [np.concatenate([on_B, on_x0, on_D[:, l], [unknowns]]) for l in range(ny)]
-        own = [np.zeros((len(places[0]), len(places[0])), order="F") for _ in range(ny)]
-        for chunk in _regressors(experiment, Ak, C, K, feedthrough):
-            own = [append_rows(R_l, rows) for R_l, rows in zip(own, chunk, strict=True)]
-        for R_l, place in zip(own, places, strict=True):
-            rows = np.zeros((len(R_l), unknowns + 1))
-            rows[:, place] = np.triu(R_l)
-            R = append_rows(R, rows)
-    if not np.isfinite(R).all():
-        theta = np.full(unknowns, np.nan)
-    else:
-        scale = np.linalg.norm(R[:, :-1], axis=0)
-        scale[scale == 0] = 1.0
-        theta = la.lstsq(R[:, :-1] / scale, R[:, -1], cond=1e-12, check_finite=False)[0] / scale
-    D = theta[on_D].T if feedthrough else np.zeros((ny, nu))
-    return theta[on_B].reshape(nu, n).T, D, theta[nu * n + on_D.size :].reshape(len(experiments), n)
-
-
-def _regressors(
-    experiment: Experiment, Ak: np.ndarray, C: np.ndarray, K: np.ndarray, feedthrough: bool
-) -> Iterator[np.ndarray]:
-    """Yield rows [z_1 … z_nu, rho, u, y - what K y drives] of all outputs, (ny, samples, p), chunk after chunk.
-
-    By the dual systems z_lj(t+1) = Ak^T z_lj(t) + C_l^T u_j(t) the response of output l to column j of B is z_lj^T B_j, and
-    rho_l(t) = (Ak^T)^t C_l^T gives that to x0.
-    """
-    n, ny, nu = len(Ak), len(C), experiment.u.shape[1]
-    z, rho, x = np.zeros((ny, nu, n)), C, np.zeros(n)
-    size = max(1, CHUNK_VALUES // (ny * (n * (nu + 1) + nu + 1)))
-    for start in range(0, len(experiment), size):
-        u, y = experiment.u[start : start + size], experiment.y[start : start + size]
-        responses = np.empty((ny, len(u), nu, n))
-        for l, j in np.ndindex(ny, nu):
-            responses[l, :, j] = lti.states(Ak.T, C[l][:, None], u[:, [j]], z[l, j])
-        decay = lti.observability(Ak, rho, len(u))
-        driven = lti.states(Ak, K, y, x)
-        target = y - driven @ C.T
-        yield np.concatenate([
-            responses.reshape(ny, len(u), nu * n), decay.transpose(1, 0, 2),
-            np.broadcast_to(u, (ny, *u.shape))[..., : nu * feedthrough], target.T[..., None],
-        ], axis=2)  # fmt: skip
-        z = responses[:, -1] @ Ak + u[-1][:, None] * C[:, None]
-        rho, x = decay[-1] @ Ak, Ak @ driven[-1] + K @ y[-1]
