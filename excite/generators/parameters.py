@@ -12,7 +12,7 @@ Channels = int | str | Channel | Sequence[str | Channel]
 MAX_VALUES = 2 * 10**8  # float64 values of one signal: 1.6 GB
 MAX_CHANNELS = 256
 LARGEST = 1e300
-SMALLEST = 1e-150  # but zero: products of two keep all digits, and so do their reciprocals
+SMALLEST = 1e-150  # of positive numbers: products of two keep all digits, and so do their reciprocals
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Parameters:
         real = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
         if not (real and abs(value) <= LARGEST and least <= value <= most and value > above):
             raise self.bad(name, value, remedy)
-        if 0 < abs(value) < SMALLEST:
+        if above == 0 and value < SMALLEST:
             raise self.bad(name, value, f"nothing below {SMALLEST:g} is computed with; change the unit")
         return float(value)
 

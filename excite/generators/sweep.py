@@ -171,7 +171,7 @@ def _chirp(form: str, own: dict, samples: int, dt: float) -> np.ndarray:
     wave = np.sin(2 * np.pi * np.where(t < 0, f0 * t, cycles))
     for fade, after in ((fades[0], time), (fades[1], time[-1] - time)):
         if fade:
-            wave *= 0.5 - 0.5 * np.cos(np.pi * np.minimum(after / fade, 1.0))
+            wave *= 0.5 - 0.5 * np.cos(np.pi * np.minimum(after, fade) / fade)
     return wave
 
 
