@@ -58,7 +58,7 @@ def run_scenario(scenario: Scenario, folder: Path, jobs: int = 1, progress: Prog
             identify: [piece for piece in fits if _unfinished(scenario, folder, *piece)],
         }
         with _workers(min(jobs, max(map(len, wanted.values())))) as each:
-            for stage, task, pieces in (("flying", fly, flights), ("identifying", identify, fits)):
+            for stage, task, pieces in (("playing", fly, flights), ("identifying", identify, fits)):
                 done += len(pieces) - len(wanted[task])
                 for _ in each(task, [(dict(scenario.source), folder, *piece) for piece in wanted[task]]):
                     done += 1
@@ -160,7 +160,7 @@ def fly(source: dict, folder: Path, kind: str, k: int) -> None:
     seed = scenario.seed + k + (0 if kind == "estimation" else VALIDATION_OFFSET)
     noise = False if kind == "clean" else scenario.noise
     parameters = source["plant"].get("parameters")
-    with placed(f"{kind} flight {k}" + (f" with plant.parameters {parameters}" if parameters else "")):
+    with placed(f"{kind} run {k}" + (f" with plant.parameters {parameters}" if parameters else "")):
         recording = scenario.plant.run(excitation, inject=scenario.inject, noise=noise, seed=seed)
     path = recording_path(folder, kind, k)
     make_folder(path.parent)

@@ -126,7 +126,7 @@ def html():
 def test_ranking_shows_the_medians_and_quartiles_of_the_scores():
     setting = result().settings[0]
     headers, rows = tables.ranking(setting)
-    assert rows[0][1].startswith("linearisation floor") and rows[1][1] == "truth on the measured flight"
+    assert rows[0][1].startswith("linearisation floor") and rows[1][1] == "truth on the measured run"
     for place, (shown, row) in enumerate(zip(rows[2:5], setting.rows, strict=False), 1):
         assert shown[:3] == [str(place), row.method, str(row.order)]
         values = [100 * s.values["pole_error_max"] for s in row.scores]
@@ -240,6 +240,22 @@ def test_svg_is_small_well_formed_and_repeatable():
         assert ET.fromstring(text).tag.endswith("svg")
     again = drawing.to_svg(figures.ranking(result().settings[0]))
     assert again == drawing.to_svg(figures.ranking(result().settings[0]))
+
+
+@pytest.mark.parametrize(
+    ("u", "shown"),
+    [
+        (np.ones(150), "u1"),
+        (np.repeat([0.0, 1.0], 6000), "u1"),  # the step comes after what would be drawn of a longer record
+        (np.tile([1.0, -1.0, -1.0], 4000), "u1 (the first 3.03 s)"),  # two turns every 0.05 s
+        (np.sin(np.arange(12_000) / 40), "u1 (the first 20 s)"),
+    ],
+)
+def test_the_excitation_is_drawn_as_far_as_it_can_be_told_apart(u, shown):
+    time, spectrum = figures.excitation(Signal(u[:, None], DT / 3)).axes
+    assert time.get_title(loc="left") == shown
+    assert time.get_ylim()[0] < u.min() <= u.max() < time.get_ylim()[1]
+    assert bool(spectrum.texts) == (np.ptp(u) == 0)
 
 
 def test_a_long_noisy_run_still_gives_small_figures():

@@ -281,7 +281,7 @@ def test_a_byte_order_mark_does_no_harm(tmp_path):
 def test_a_crash_names_the_parameters_and_leaves_what_was_finished(jobs, tmp_path):
     changes = {"plant/parameters": {"hover_altitude": 0.1001}}
     scenario = check_scenario(changed(changes), "short.toml")
-    named = r"estimation flight \d with plant.parameters .*hover_altitude.*altitude 0"
+    named = r"estimation run \d with plant.parameters .*hover_altitude.*altitude 0"
     with pytest.raises(SimulationStopped, match=named) as caught:
         run_scenario(scenario, tmp_path / "out", jobs)
     assert caught.value.exit_code == 2
@@ -337,7 +337,7 @@ def test_json_equals_the_scores_and_the_missed_expectation_is_1(finished):
     assert [r["rank"] for r in ranking] == [1, 2, 3] and {r["method"] for r in ranking} == {"arx", "ssarx"}
     values = [r["rank_value"] for r in ranking]
     assert values == sorted(values)
-    assert "flying" in err and "identifying" in err
+    assert "playing" in err and "identifying" in err
 
 
 def test_estimation_runs_share_the_excitation_and_validation_has_its_own(finished):

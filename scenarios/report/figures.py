@@ -35,6 +35,7 @@ from scenarios.results import Row, RunResult, SettingResult
 
 WINDOW_S = 20.0
 FEWEST = 400  # samples that a time window holds at least
+MOST_TURNS = 120  # of a drawn line: more fill the picture with ink
 MOST_CHANNELS, MOST_ROWS = 6, 24
 
 
@@ -63,9 +64,9 @@ def all_figures(result: RunResult) -> dict[str, Figure]:
 
 @styled
 def excitation(signal: Signal) -> Figure:
-    """Return each channel over time (one period, at most 20 s) beside its spectral lines (of one period)."""
+    """Return each channel over time (as much of it as can be told apart) beside its spectral lines (of one period)."""
     count = min(signal.u.shape[1], MOST_CHANNELS)
-    shown = min(len(signal.u), signal.period or len(signal.u), max(round(WINDOW_S / signal.dt), FEWEST))
+    shown = _legible(signal)
     length = signal.period if signal.period and signal.period <= len(signal.u) else len(signal.u)
     f = np.fft.rfftfreq(length, signal.dt)[1:]
     lines = 2 * np.abs(np.fft.rfft(signal.u[:length], axis=0))[1:] / length
@@ -78,22 +79,46 @@ def excitation(signal: Signal) -> Figure:
     for i, (time, spectrum) in enumerate(axes):
         u = signal.u[:shown, i]
         time.plot(*thin(signal.time_s[:shown], u, points), drawstyle="steps-post", color=PALETTE[0])
-        margin = 0.08 * max(np.ptp(u), 1e-12)
+        margin = 0.08 * (np.ptp(u) or abs(u[0]) or 1.0)
         time.set_ylim(u.min() - margin, u.max() + margin)
         time.set_title(plain(signal.channels[i].name))
         time.set_ylabel(unit(signal.channels[i].unit))
-        full = lines[:, i] > 1e-9 * lines[:, i].max(initial=0)
+        full = lines[:, i] > 1e-9 * np.abs(signal.u[:length, i]).max()
         spectrum.plot(*thin(f[full], lines[full, i], points, log=True), color=PALETTE[0], lw=0.9)
         spectrum.set_ylabel(unit(signal.channels[i].unit))
         if full.any():
             top = lines[full, i].max()
             log_scale(spectrum, "y", max(lines[full, i].min() / 1.5, top * 1e-4), top * 2)
+        else:
+            spectrum.set_yticks([])
+            spectrum.text(0.5, 0.5, "constant: no line above 0 Hz", transform=spectrum.transAxes, ha="center", color="#777777")
         log_scale(spectrum, "x", f[0], f[-1])
+    if shown < len(signal.u):
+        axes[0, 0].set_title(f"{axes[0, 0].get_title(loc='left')} (the first {number(shown * signal.dt)} s)")
     axes[0, 1].set_title("line amplitude" + (" (one period)" if length == signal.period else " (whole record)"))
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 0].set_xlim(0, shown * signal.dt)
     axes[-1, 1].set_xlabel("frequency [Hz]")
     return figure
+
+
+def _legible(signal: Signal) -> int:
+    """Samples to draw: of one period or 20 s what holds few enough turns; more where that does not show half the range."""
+    u = signal.u
+    longest = min(len(u), signal.period or len(u), max(round(WINDOW_S / signal.dt), FEWEST))
+    turns = [_turns(column) for column in u[:longest].T]
+    shortest = min([longest, *(int(at[MOST_TURNS]) for at in turns if len(at) > MOST_TURNS)])
+    for shown in (shortest, longest):
+        if (np.ptp(u[:shown], axis=0) >= 0.5 * np.ptp(u, axis=0)).all():
+            return shown
+    return len(u)
+
+
+def _turns(u: np.ndarray) -> np.ndarray:
+    """Samples at which u (N,) begins to rise after it fell, or to fall after it rose."""
+    steps = np.diff(u)
+    at = np.flatnonzero(steps)
+    return at[1:][np.sign(steps[at[1:]]) != np.sign(steps[at[:-1]])]
 
 
 @styled

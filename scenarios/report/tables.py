@@ -32,14 +32,14 @@ def ranking(setting: SettingResult, compact: bool = False) -> Table:
 
 
 def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool) -> list[list[str]]:
-    """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured flight."""
+    """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured run."""
     if setting.truth_score is None:
         return []
     fits = {m: v for m, v in setting.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
     floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
     measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
     names = ("linearisation floor", "truth, measured") if compact else (
-        "linearisation floor (noise-free truth)", "truth on the measured flight"
+        "linearisation floor (noise-free truth)", "truth on the measured run"
     )  # fmt: skip
     return [
         ["", name, "", *(number(c.scale * known.get(c.metric, np.nan), c.decimals) for c in columns), ""]
