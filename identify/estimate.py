@@ -21,8 +21,8 @@ class Status(Enum):
 class Estimate:
     """One identified model and how it came about.
 
-    order : states (lags for arx); x0 : initial state of the state-space form, one (n,) array an experiment
-    (where samples are missing, at the first of its first gap-free part);
+    order : states, without those that only delay the inputs (lags for arx); x0 : initial state of the state-space form, one
+    (n,) array an experiment (where samples are missing, at the first of its first gap-free part);
     singular_values : (k,) from which the order can be judged, or None; uncertainty : None, or what the method states;
     condition, path : condition number of the compressed data and the numerical path taken; seconds : wall time.
     """

@@ -12,9 +12,10 @@ import numpy as np
 from excite.errors import ExciteError, Unsupported, did_you_mean
 from excite.types.experiment import Experiment
 from identify.estimate import Estimate, Status
+from identify.ground.initial_state import initial_state
 from identify.ground.threads import blas_threads
 from identify.orders import largest_gap
-from identify.preprocess import gap_free, out_of_range, proportional
+from identify.preprocess import gap_free, out_of_range, proportional, without_dead_time
 
 Data = Experiment | Sequence[Experiment]
 
@@ -51,7 +52,8 @@ class Method(ABC):
     closed_loop : consistent when the input depends on past outputs through feedback; summary : one line for lists;
     consumes : what the records hold: any input ("time series"), an impulse in one input a record or a free decay
     ("impulse responses"), steps ("step responses"), or no input at all ("outputs");
-    asymptotic : exact only as the records grow, even without noise (sample covariances have ends).
+    asymptotic : exact only as the records grow, even without noise (sample covariances have ends); input_delay : known
+    dead time of all inputs in samples, where a method has that setting.
     """
 
     name: ClassVar[str]
@@ -59,6 +61,7 @@ class Method(ABC):
     closed_loop: ClassVar[bool]
     consumes: ClassVar[str] = "time series"
     asymptotic: ClassVar[bool] = False
+    input_delay: ClassVar[int] = 0
 
     def __post_init__(self) -> None:
         for setting in fields(self):
@@ -131,7 +134,8 @@ class Method(ABC):
     def fit(self, data: Data, order: int | None = None, shared: dict[tuple, Any] | None = None) -> Estimate:
         """Check, prepare, realize; `shared` keeps what was prepared from these data, by `factor_key`, for further fits."""
         begin = time.perf_counter()
-        data = experiments(data)
+        measured = experiments(data)
+        data = without_dead_time(measured, self.input_delay)
         with blas_threads(len(data[0].inputs) + len(data[0].outputs)):
             self.check(data, order)
             factors = {} if shared is None else shared
@@ -141,11 +145,21 @@ class Method(ABC):
         if (span := self.span(estimate.order)) and (records := gap_free(data, span)).missing:
             x0 = tuple(estimate.x0[i] for i in records.first)
             estimate = replace(estimate, x0=x0, warnings=(records.report(span), *estimate.warnings))
+        if self.input_delay:
+            estimate = _behind_dead_time(estimate, measured, self.input_delay)
         settings = asdict(self)
         open_loop = not any(experiment.loop.closed for experiment in data)
         if open_loop and estimate.status is Status.OK and np.abs(estimate.model.poles()).max(initial=0) > 1 + 1e-6:
             estimate = replace(estimate, status=Status.UNSTABLE)
         return replace(estimate, settings=settings, seconds=time.perf_counter() - begin)
+
+
+def _behind_dead_time(estimate: Estimate, data: tuple[Experiment, ...], samples: int) -> Estimate:
+    """Return the estimate for the inputs as they were measured; x0 then also holds what was on its way at the first sample."""
+    model = estimate.model.delayed(samples)
+    first = (gap_free((record,), model.order).parts[0] for record in data)
+    x0 = tuple(initial_state(model, part, predictor=bool(np.any(model.K))) for part in first)
+    return replace(estimate, model=model, x0=x0)
 
 
 def experiments(data: Data) -> tuple[Experiment, ...]:

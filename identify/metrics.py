@@ -7,7 +7,7 @@ import scipy.linalg as la
 from scipy.optimize import linear_sum_assignment
 
 from excite.types.models import Model
-from excite.types.modes import continuous_poles
+from excite.types.modes import DELAY, continuous_poles
 
 
 def fit_percent(y: np.ndarray, yhat: np.ndarray) -> np.ndarray:
@@ -64,8 +64,10 @@ def pole_errors(true: np.ndarray, estimated: np.ndarray, dt: float) -> PoleError
 
     Frequencies and dampings are judged in the s-plane because at small dt every |lambda - lambdahat| is small. Of
     assignments of equal sum, as of real poles that all lie on one side of the true ones, the one with the smaller sum of
-    squares is taken: rounding must not decide which pole an error is charged to.
+    squares is taken: rounding must not decide which pole an error is charged to. Poles at the origin, which only delay, are
+    left out.
     """
+    true, estimated = (poles[np.abs(poles) > DELAY] for poles in map(np.asarray, (true, estimated)))
     s, s_hat = continuous_poles(true, dt), continuous_poles(estimated, dt)
     distance = np.abs(s[:, None] - s_hat[None, :])
     rows, columns = linear_sum_assignment(distance + TIE * distance**2 / max(distance.max(initial=0), 1e-300))

@@ -89,25 +89,25 @@ class StablePole:
 
 
 def stabilisation(
-    models: Sequence[StateSpaceModel], frequency: float = 0.01, damping: float = 0.05, mac: float = 0.98
+    models: Mapping[int, StateSpaceModel], frequency: float = 0.01, damping: float = 0.05, mac: float = 0.98
 ) -> tuple[StablePole, ...]:
-    """Return the modes of models of rising order, each compared with the nearest mode of the model before.
+    """Return the modes of models, given by their order, each compared with the nearest mode of the next lower order.
 
     frequency, damping : relative changes up to which a mode is stable in them; mac : least modal assurance criterion
     |a^H b|^2 / (a^H a b^H b) of stable shapes (Peeters and De Roeck, Mech. Syst. Signal Process. 13, 1999). The modes of
     the first model are not stable in anything.
     """
     found, before = [], ()
-    for model in sorted(models, key=lambda m: m.order):
-        modes = model.modes()
+    for order in sorted(models):
+        modes = models[order].modes()
         for mode in modes:
             if not before:
-                found.append(StablePole(model.order, mode, False, False, False))
+                found.append(StablePole(order, mode, False, False, False))
                 continue
             near = min(before, key=lambda other: abs(other.pole - mode.pole))
             same_frequency = bool(abs(mode.f_hz - near.f_hz) <= frequency * near.f_hz)
             same_damping = bool(abs(mode.damping - near.damping) <= damping * abs(near.damping))
-            found.append(StablePole(model.order, mode, same_frequency, same_damping, _mac(mode.shape, near.shape) >= mac))
+            found.append(StablePole(order, mode, same_frequency, same_damping, _mac(mode.shape, near.shape) >= mac))
         before = modes
     return tuple(found)
 
@@ -170,5 +170,5 @@ def order_table(data: "Data", method: "Method", orders: Sequence[int]) -> OrderT
         "bic": {row.order: row.criteria.bic for row in rows},
     }
     chosen = {name: min(v, key=v.get) for name, each in judged.items() if (v := {n: x for n, x in each.items() if x == x})}
-    models = [row.estimate.model.to_state_space() for row in rows if row.estimate is not None]
+    models = {row.order: row.estimate.model.to_state_space() for row in rows if row.estimate is not None}
     return OrderTable(tuple(rows), chosen, stabilisation(models))

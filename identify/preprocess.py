@@ -1,6 +1,6 @@
 """Records made fit for identification: gap-free parts, and what no method can use."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,15 @@ def gap_free(data: tuple[Experiment, ...], shortest: int) -> GapFree:
         parts += [record.window(a, b) for a, b in kept]
         start.append(int(kept[0, 0]))
     return GapFree(tuple(parts), tuple(first), tuple(start), sum(map(len, data)), missing)
+
+
+def without_dead_time(data: tuple[Experiment, ...], samples: int) -> tuple[Experiment, ...]:
+    """Return y(t) beside u(t - samples), so that the input acts without that dead time; the first `samples` of y fall away."""
+    if samples == 0:
+        return data
+    if samples >= (shortest := min(map(len, data))):
+        raise ExciteError(f"input_delay {samples}: the shortest record has only {shortest} samples; give fewer")
+    return tuple(replace(record.window(samples), u=record.u[:-samples]) for record in data)
 
 
 def out_of_range(experiment: Experiment) -> str | None:

@@ -11,6 +11,7 @@ import scipy.linalg as la
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import Channel
 from excite.types.models import StateSpaceModel
+from excite.types.modes import DELAY
 from excite.types.recording import Loop, Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
@@ -20,7 +21,6 @@ from plants.loop import Dynamics, Feedback, interconnect, play, start
 from plants.noise import steady_kalman
 from plants.plant import Injection, Parameter, load_plant, settings_of
 
-DELAY = 1e-9  # modulus of a pole that only delays: it has neither frequency nor time constant to be judged by
 ENTRIES = {"input": "plant input", "plant_input": "plant input", "setpoint": "set-point"}
 
 

@@ -107,7 +107,7 @@ def test_each_flag_judges_its_own_quantity():
 
     def flags(angle, radius, shape):
         first, second = model(2, 0.5, 0.9, [1, 2]), model(2, angle, radius, shape)
-        rows = stabilisation([first, second])
+        rows = stabilisation({2: first, 3: second})
         return [(p.frequency, p.damping, p.shape) for p in rows]
 
     assert flags(0.5, 0.9, [2, 4]) == [(False, False, False), (True, True, True)]

@@ -173,6 +173,23 @@ class StateSpaceModel:
             output_offset=self.output_offset[keep],
         )  # fmt: skip
 
+    def delayed(self, samples: int) -> "StateSpaceModel":
+        """Return the model behind a dead time on all inputs: nu * samples more states, poles at the origin, hold u meanwhile."""
+        if samples == 0:
+            return self
+        n, nu, ny = self.order, *self.D.shape[::-1]
+        held = nu * samples
+        A = np.block([
+            [self.A, np.zeros((n, held - nu)), self.B],
+            [np.zeros((nu, n + held))],
+            [np.zeros((held - nu, n)), np.eye(held - nu, held)],
+        ])  # fmt: skip
+        return replace(
+            self, A=A, B=np.vstack([np.zeros((n, nu)), np.eye(held, nu)]), D=np.zeros((ny, nu)),
+            C=np.hstack([self.C, np.zeros((ny, held - nu)), self.D]),
+            K=None if self.K is None else np.vstack([self.K, np.zeros((held, ny))]),
+        )  # fmt: skip
+
     def lift(self, every: int) -> "StateSpaceModel":
         """Return the model at dt * every, for an input held over each longer interval of `every` samples.
 

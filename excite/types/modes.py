@@ -7,6 +7,7 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError
 
+DELAY = 1e-9  # modulus of a pole that only delays: it has neither frequency nor time constant
 DEFECTIVE = 1e8  # condition of unit eigenvectors beyond which no modal form is worth having
 
 
@@ -34,10 +35,10 @@ def continuous_poles(poles: np.ndarray, dt: float) -> np.ndarray:
 
 
 def modes_of(A: np.ndarray, C: np.ndarray, dt: float) -> tuple[Mode, ...]:
-    """Return the modes of x(k+1) = A x(k), y = C x, slowest first."""
+    """Return the modes of x(k+1) = A x(k), y = C x, slowest first; poles at the origin, which only delay, are none."""
     poles, vectors = _upper(A, C)
-    found = []
-    for s, shape in zip(continuous_poles(poles, dt), (C @ vectors).T, strict=True):
+    found, lasting = [], np.abs(poles) > DELAY
+    for s, shape in zip(continuous_poles(poles[lasting], dt), (C @ vectors[:, lasting]).T, strict=True):
         size = abs(s)
         damping = -s.real / size if size > 0 else float("nan")
         decay = -1 / s.real if s.real != 0 else float("inf")

@@ -1,7 +1,7 @@
 """What the subspace methods have in common: horizons, limits, the shared compressed data, and the way to a model."""
 
 from abc import abstractmethod
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -48,12 +48,15 @@ class Subspace:
 class SubspaceMethod(Method):
     """A method over past and future horizons; subclasses say what they are called in its literature.
 
-    feedthrough : estimate D (else zero); where the loop is closed, the controller then needs a delay.
+    feedthrough : estimate D (else zero); where the loop is closed, the controller then needs a delay. input_delay : known
+    dead time of all inputs in samples, before which they show neither through D nor through B; the model holds them in
+    further states.
     """
 
     extent: ClassVar[str] = "past + future"  # what messages call the sum of the horizons
 
     feedthrough: bool = False
+    input_delay: int = field(default=0, metadata={"minimum": 0})
 
     @abstractmethod
     def horizons(self) -> tuple[int, int]:
@@ -99,8 +102,8 @@ class SubspaceMethod(Method):
         return min((future - 1) * first.y.shape[1], past * (first.u.shape[1] + first.y.shape[1]))
 
     def factor_key(self) -> tuple:
-        """Methods with the same horizons share one factor."""
-        return ("past-future", *self.horizons())
+        """Methods with the same horizons and dead time share one factor."""
+        return ("past-future", *self.horizons(), self.input_delay)
 
     def prepare(self, data: Data) -> PastFuture:
         """Compress past + future block rows of [u; y]."""

@@ -6,8 +6,8 @@ from textwrap import wrap
 import numpy as np
 
 from excite.types.channel import listed
+from excite.types.modes import DELAY, continuous_poles
 from identify.estimate import Estimate, Status
-from identify.metrics import continuous_poles
 from scenarios.report.tables import certificate_text, expectations, note, number, ranking, to_text
 from scenarios.report.verdict import verdict
 from scenarios.results import RunResult, SettingResult
@@ -49,6 +49,7 @@ def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str
         condition = "" if estimate.condition is None else f", condition {number(estimate.condition)}"
         lines.append(f"data compressed by {estimate.path}{condition}")
     poles = model.poles()
+    lasting = np.abs(poles) > DELAY
     s = continuous_poles(poles, model.dt)
     headers, std = ["pole", "frequency Hz", "damping"], (estimate.uncertainty or {}).get("pole_std")
     rows = [
@@ -58,7 +59,9 @@ def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str
     if std is not None:
         headers.append("standard deviation of the pole")
         rows = [[*row, number(each)] for row, each in zip(rows, std, strict=True)]
-    lines += to_text(headers, [row for row, z in zip(rows, poles, strict=True) if z.imag >= 0]).splitlines()
+    lines += to_text(headers, [rows[k] for k in np.flatnonzero(lasting & (poles.imag >= 0))]).splitlines()
+    if not lasting.all():
+        lines.append(f"poles at the origin, which only delay: {np.sum(~lasting)}")
     if estimate.singular_values is not None:
         values = estimate.singular_values
         shown = values[: max(2 * estimate.order, 10)]
