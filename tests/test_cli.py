@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -112,6 +113,15 @@ def test_design_offers_every_parameter_of_the_generator():
     assert set(cli.get_command(None, "design").list_commands(None)) == {*GENERATORS, "parts", "propose"}
     _, out, _ = excite("design", "prbs", "--help")
     assert "degree n, 2 to 32" in out and "[default: 1.0]" in out and "--duration-s" in out
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_methods_explain_every_setting(name):
+    described, listed = excite("methods", name)[1].split("settings:")
+    own = {each for names in re.findall(r"((?:\w+, )*\w+) : ", described) for each in names.split(", ")}
+    for line in listed.strip().splitlines():
+        setting, _, _, *meaning = line.split()
+        assert meaning or setting in own, line
 
 
 @pytest.mark.parametrize(

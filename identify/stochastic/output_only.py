@@ -1,6 +1,6 @@
 """What the output-only methods have in common: data without inputs, and a model of noise alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -19,14 +19,16 @@ from identify.method import Data, Method, experiments
 class OutputOnlyMethod(Method):
     """A method for outputs alone, whose excitation is white noise that nobody measured.
 
-    block_rows : r, rows of past and of future each, at least half a period of the slowest mode (Reynders and De Roeck 2008).
+    Past and future should each span half a period of the slowest mode (Reynders and De Roeck 2008).
     """
 
     closed_loop: ClassVar[bool] = False
     consumes: ClassVar[str] = "outputs"
     asymptotic: ClassVar[bool] = True
 
-    block_rows: int = 20
+    block_rows: int = field(
+        default=20, metadata={"meaning": "r, rows of past and of future each; at least half a period of the slowest mode"}
+    )
 
     def unsupported(self, data: Data) -> str | None:
         """Return why these data do not suit: sampling, missing samples, or inputs."""

@@ -80,7 +80,10 @@ class N4sid(TwoHorizonMethod):
 
 @dataclass(frozen=True)
 class Cva(N4sid):
-    """N4SID with the canonical-variate weight (Larimore 1990)."""
+    """N4SID with the canonical-variate weight (Larimore 1990).
+
+    weight, algorithm : as for n4sid.
+    """
 
     name: ClassVar[str] = "cva"
     summary: ClassVar[str] = "canonical variate analysis: N4SID with its weight; open loop"

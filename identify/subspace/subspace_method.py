@@ -46,17 +46,16 @@ class Subspace:
 
 @dataclass(frozen=True)
 class SubspaceMethod(Method):
-    """A method over past and future horizons; subclasses say what they are called in its literature.
-
-    feedthrough : estimate D (else zero); where the loop is closed, the controller then needs a delay. input_delay : known
-    dead time of all inputs in samples, before which they show neither through D nor through B; the model holds them in
-    further states.
-    """
+    """A method over past and future horizons; subclasses say what they are called in its literature."""
 
     extent: ClassVar[str] = "past + future"  # what messages call the sum of the horizons
 
-    feedthrough: bool = False
-    input_delay: int = field(default=0, metadata={"minimum": 0})
+    feedthrough: bool = field(
+        default=False, metadata={"meaning": "estimate D (else zero); where the loop is closed, the controller then needs a delay"}
+    )
+    input_delay: int = field(
+        default=0, metadata={"minimum": 0, "meaning": "known dead time of all inputs in samples, for which the model has states"}
+    )
 
     @abstractmethod
     def horizons(self) -> tuple[int, int]:
@@ -112,13 +111,12 @@ class SubspaceMethod(Method):
 
 @dataclass(frozen=True)
 class DecomposingMethod(SubspaceMethod):
-    """A subspace method one decomposition of which serves all orders.
+    """A subspace method one decomposition of which serves all orders."""
 
-    stability_guard : replace an unstable A by a stable one (Maciejowski 1995) and say so; not for plants that are unstable
-    or integrate.
-    """
-
-    stability_guard: bool = False
+    stability_guard: bool = field(
+        default=False,
+        metadata={"meaning": "replace an unstable A by a stable one (Maciejowski 1995); not for unstable or integrating plants"},
+    )
 
     @abstractmethod
     def decompose(self, factor: PastFuture) -> Any:
@@ -151,10 +149,10 @@ class DecomposingMethod(SubspaceMethod):
 
 @dataclass(frozen=True)
 class TwoHorizonMethod(DecomposingMethod):
-    """A method with a past horizon p and a future horizon f, in samples."""
+    """A method with a past and a future horizon."""
 
-    past: int = 20
-    future: int = 20
+    past: int = field(default=20, metadata={"meaning": "past horizon p in samples"})
+    future: int = field(default=20, metadata={"meaning": "future horizon f in samples"})
 
     def horizons(self) -> tuple[int, int]:
         """(past, future)."""

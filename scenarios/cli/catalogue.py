@@ -1,14 +1,14 @@
 """excite plants, methods, scenarios: what there is."""
 
 import math
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 import click
 
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import listed
-from identify.method import METHODS, method_class
+from identify.method import METHODS, Method, method_class
 from plants.plant import PLANTS, Plant, load_plant, settings_of
 from scenarios.cli.common import assignments, json_option, print_json, print_lines
 
@@ -113,7 +113,8 @@ def methods(name: str | None, as_json: bool) -> int:
         d = described[name]
         loop = "open and closed loop" if d["closed_loop"] else "open loop only (biased in closed loop)"
         lines = [d["description"], "", f"consistent in: {loop}", "settings:"]
-        print_lines(lines + [f"  {key:<14} default {value}" for key, value in d["settings"].items()])
+        kind = method_class(name)
+        print_lines(lines + [f"  {key:<16} default {v!s:<6} {_meaning(kind, key)}".rstrip() for key, v in d["settings"].items()])
     return 0
 
 
@@ -124,6 +125,12 @@ def _method(name: str) -> dict:
         "summary": kind.summary, "closed_loop": kind.closed_loop, "settings": settings,
         "description": "\n".join(line.removeprefix("    ") for line in (kind.__doc__ or "").strip().splitlines()),
     }  # fmt: skip
+
+
+def _meaning(kind: type[Method], setting: str) -> str:
+    """What a setting means where methods share it; each method's own are explained in its description."""
+    declared = (f for base in kind.__mro__ if is_dataclass(base) for f in fields(base) if f.name == setting)
+    return next((f.metadata["meaning"] for f in declared if "meaning" in f.metadata), "")
 
 
 @click.command()
