@@ -9,6 +9,7 @@ chunks takes over.
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
@@ -25,8 +26,9 @@ QR_VALUES = 131_072  # doubles of explicit Hankel columns decomposed at once, 1 
 class HankelFactor:
     """L (d, d) lower triangular with H = L Q for H (d, columns), d = rows * channels, row i*channels + a = w_a(t+i).
 
-    condition : 1-norm condition estimate of L with unit-norm rows; path : "gram-cholesky" or "blocked-qr"; gram : H H^T
-    where the first path was taken; correlation : of the segments that have columns.
+    The rows of H may be taken in another order, as `index` tells; order : that order, None for their own;
+    condition : 1-norm condition estimate of L with unit-norm rows; path : "gram-cholesky" or "blocked-qr"; correlation : of
+    the segments that have columns.
     """
 
     L: np.ndarray
@@ -36,12 +38,21 @@ class HankelFactor:
     condition: float
     path: str
     correlation: Correlation
-    gram: np.ndarray | None = None
+    order: np.ndarray | None = None
 
     def index(self, channel: slice | Sequence[int], start: int, stop: int) -> np.ndarray:
-        """Row numbers of the given channels in block rows start:stop, time-major."""
-        block = np.arange(self.channels)[channel]
-        return (np.arange(start, stop)[:, None] * self.channels + block).ravel()
+        """Where L has the given channels of block rows start:stop, time-major."""
+        rows = block_rows(self.channels, channel, start, stop)
+        return rows if self.order is None else self._place[rows]
+
+    @cached_property
+    def _place(self) -> np.ndarray:
+        return np.argsort(self.order)
+
+
+def block_rows(channels: int, channel: slice | Sequence[int], start: int, stop: int) -> np.ndarray:
+    """Row numbers in H of the given ones of `channels` in block rows start:stop, time-major."""
+    return (np.arange(start, stop)[:, None] * channels + np.arange(channels)[channel]).ravel()
 
 
 def columns_of(segments: Sequence[np.ndarray], rows: int) -> int:
@@ -49,9 +60,10 @@ def columns_of(segments: Sequence[np.ndarray], rows: int) -> int:
     return sum(max(0, len(w) - rows + 1) for w in segments)
 
 
-def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int) -> HankelFactor:
+def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int, order: np.ndarray | None = None) -> HankelFactor:
     """Compress the block-Hankel matrix of several segments (N_i, c), side by side, into its triangular factor.
 
+    order (d,) : the rows of H, in the order in which the factor is to be triangular where that is not theirs.
     A segment is an array or whatever has its shape, length and slices (a memory map, an HDF5 dataset): it is read chunk
     after chunk, twice where the Gram form does not hold. Raises ExciteError when the data leave no more columns than
     there are rows, saying how many rows they allow.
@@ -67,14 +79,13 @@ def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int) -> HankelFa
     segments = [w for w in segments if len(w) >= rows]
     correlation = correlate(segments, rows - 1)
     gram = hankel_gram(segments, correlation)
-    L = cholesky(gram)
+    L = cholesky(gram if order is None else gram[np.ix_(order, order)])
     if L is not None:
-        condition = condition_of(L)
-        spread = np.sqrt(np.diag(gram).reshape(rows, channels))
+        condition, spread = condition_of(L), np.sqrt(np.diag(gram).reshape(rows, channels))
         if condition * (spread.max(0) / spread.min(0)).max() <= GRAM_CONDITION:
-            return HankelFactor(L, rows, channels, columns, condition, "gram-cholesky", correlation, gram)
-    L = _blocked_qr(segments, rows, d)
-    return HankelFactor(L, rows, channels, columns, condition_of(L), "blocked-qr", correlation)
+            return HankelFactor(L, rows, channels, columns, condition, "gram-cholesky", correlation, order)
+    L = _blocked_qr(segments, rows, slice(None) if order is None else order)
+    return HankelFactor(L, rows, channels, columns, condition_of(L), "blocked-qr", correlation, order)
 
 
 def largest_rows(segments: Sequence[np.ndarray]) -> int:
@@ -121,14 +132,15 @@ def condition_of(L: np.ndarray) -> float:
     return 1 / reciprocal if reciprocal > 0 else np.inf
 
 
-def _blocked_qr(segments: Sequence[np.ndarray], rows: int, d: int) -> np.ndarray:
+def _blocked_qr(segments: Sequence[np.ndarray | Joint], rows: int, order: np.ndarray | slice) -> np.ndarray:
     """Triangular factor by QR of chunk after chunk of Hankel columns; memory bounded, condition not squared."""
+    d = rows * segments[0].shape[1]
     R = np.zeros((d, d), order="F")
     size = max(d, QR_VALUES // d)
     for w in segments:
         for start in range(0, len(w) - rows + 1, size):
             chunk = np.ascontiguousarray(w[start : start + size + rows - 1])
-            R = append_rows(R, sliding_window_view(chunk.reshape(-1), d)[:: w.shape[1]])
+            R = append_rows(R, sliding_window_view(chunk.reshape(-1), d)[:: w.shape[1], order])
     signs = np.where(np.diag(R) < 0, -1.0, 1.0)
     return (signs[:, None] * R).T
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -11,7 +11,7 @@ import scipy.linalg as la
 
 from excite.correlation import Joint
 from excite.errors import ExciteError
-from excite.hankel import GRAM_CONDITION, HankelFactor, cholesky, condition_of, hankel_factor
+from excite.hankel import GRAM_CONDITION, HankelFactor, block_rows, condition_of, hankel_factor
 from excite.persistency import RANK_TOLERANCE, certify
 from excite.types.experiment import Experiment
 
@@ -90,9 +90,14 @@ def joint_segments(experiments: tuple[Experiment, ...]) -> list[Joint]:
 def compress(experiments: tuple[Experiment, ...], past: int, future: int) -> PastFuture:
     """Compress past + future block rows of all experiments (each a segment; no column crosses a seam).
 
+    The factor's rows are in the order [U_f; U_p; Y_p; Y_f], from which the open-loop methods start.
+
     Raises ExciteError when the future inputs are not of full row rank, naming the order of persistency found and needed.
     """
-    data = PastFuture(hankel_factor(joint_segments(experiments), past + future), experiments, past, future)
+    segments, nu, end = joint_segments(experiments), len(experiments[0].inputs), past + future
+    u, y = (partial(block_rows, segments[0].shape[1], channels) for channels in (slice(0, nu), slice(nu, None)))
+    order = np.concatenate([u(past, end), u(0, past), y(0, past), y(past, end)])
+    data = PastFuture(hankel_factor(segments, end, order), experiments, past, future)
     require_excitation(data, past, past + future, "future rows")
     return data
 
@@ -137,18 +142,10 @@ class FutureLq:
 
 
 def future_lq(data: PastFuture) -> FutureLq:
-    """LQ decomposition of the future beyond the past, made once for all methods with the same horizons."""
-    return data.once("future lq", _future_lq)
-
-
-def _future_lq(data: PastFuture) -> FutureLq:
-    now, end, index = data.past, data.past + data.future, data.factor.index
-    u, y = slice(0, data.nu), slice(data.nu, None)
-    groups = [index(u, now, end), index(u, 0, now), index(y, 0, now), index(y, now, end)]
-    rows, gram = np.concatenate(groups), data.factor.gram
-    # where the Gram matrix serves, its Cholesky factor in the new order costs a quarter of rotating the one at hand
-    L = None if gram is None else cholesky(gram[np.ix_(rows, rows)])
-    return FutureLq(lower_factor(data.factor.L[rows]) if L is None else L, _edges(groups))
+    """The factor that `compress` made, as the open-loop methods read it."""
+    past, future = data.past, data.future
+    edges = accumulate([future * data.nu, past * data.nu, past * data.ny, future * data.ny], initial=0)
+    return data.once("future lq", lambda data: FutureLq(data.factor.L, tuple(edges)))
 
 
 def _edges(groups: Sequence[np.ndarray]) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError, did_you_mean
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, lq, orthonormal, regress
+from identify.ground.compression import PastFuture, future_lq, orthonormal
 from identify.method import order_or_gap
 from identify.subspace.realize import complete
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
@@ -49,19 +49,17 @@ class N4sid(TwoHorizonMethod):
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of the weighted oblique projection."""
-        p, f = self.past, self.future
-        U, Y, Z = factor.u(p, p + f), factor.y(p, p + f), factor.z()
-        oblique = regress(Y, Z, U)[0]
-        L = lq(U, Z, Y)
-        seen = Z if self.weight == "n4sid" else L[1][1]
-        whitening, coloring = np.eye(len(Y)), np.eye(len(Y))
+        data = future_lq(factor)
+        past, future = data.groups(1, 3), data.groups(3, 4)
+        seen = data.L[past] if self.weight == "n4sid" else data.L[past, past]
+        whitening = coloring = np.eye(len(data.on_past))
         if self.weight == "cva":
-            free = np.hstack(L[2][1:])
+            free = data.L[future, data.groups(1, 4)]
             whitening, basis = orthonormal(free)
             coloring = free @ basis.T  # inverse of the whitening where there is anything to whiten
-        left, values, _ = la.svd(whitening @ oblique @ seen, full_matrices=False, check_finite=False)
+        left, values, _ = la.svd(whitening @ data.on_past @ seen, full_matrices=False, check_finite=False)
         gamma = coloring @ left if self.algorithm == "robust" else None
-        return Subspace(values, left.T @ whitening @ oblique, gamma)
+        return Subspace(values, left.T @ whitening, data.on_past, gamma)
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""

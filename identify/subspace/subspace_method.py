@@ -22,12 +22,14 @@ from identify.subspace.realize import complete
 class Subspace:
     """What a method finds before it knows the order; the model of order n takes the first n singular values.
 
-    values : singular values; to_state (k, past rows) : J with X = J[:n] Z_p; gamma (future rows, k) or None : extended
-    observability matrix, from whose first n columns A and C follow by shift invariance, else by regression on X.
+    values : singular values; reader (k, m) : X = reader[:n] on_past Z_p, on_past (m, past rows) being I where it is None;
+    gamma (future rows, k) or None : extended observability matrix, from whose first n columns A and C follow by shift
+    invariance, else by regression on X.
     """
 
     values: np.ndarray
-    to_state: np.ndarray
+    reader: np.ndarray
+    on_past: np.ndarray | None = None
     gamma: np.ndarray | None = None
 
     @classmethod
@@ -35,13 +37,17 @@ class Subspace:
         """Gamma = U S^1/2, and the state it reads from Gamma L_p Z_p, `on_past` being Gamma L_p."""
         root = np.sqrt(values)
         readable = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)
-        return cls(values, readable[:, None] * (left.T @ on_past), left * root)
+        return cls(values, (left * readable).T, on_past, left * root)
 
     @classmethod
     def of_states(cls, observed: np.ndarray, Z: np.ndarray) -> "Subspace":
         """The state S^1/2 V^T from the SVD of Gamma X = U S V^T, `observed`, as combinations of the past Z."""
         _, values, right = la.svd(observed, full_matrices=False, check_finite=False)
         return cls(values, regress(np.sqrt(values)[:, None] * right, Z)[0])
+
+    def to_state(self, n: int) -> np.ndarray:
+        """J (n, past rows) with X = J Z_p."""
+        return self.reader[:n] if self.on_past is None else self.reader[:n] @ self.on_past
 
 
 @dataclass(frozen=True)
@@ -126,7 +132,7 @@ class DecomposingMethod(SubspaceMethod):
         """Return the model of one order."""
         found = self.found(factor)
         n, warnings = order_or_gap(order, found.values, self.largest_order(factor.experiments))
-        now, J = factor.past, found.to_state[:n]
+        now, J = factor.past, found.to_state(n)
         A, C, K, E = state_regression(
             J @ factor.z(), J @ factor.z(1), factor.u(now, now + 1), factor.y(now, now + 1), self.feedthrough
         )

@@ -54,11 +54,11 @@ def full_qr(u, y, name):
     from excite.hankel import HankelFactor, condition_of
     from identify.ground import compression
 
-    def explicit(segments, rows):
+    def explicit(segments, rows, order):
         (w,) = (s[:] for s in segments)
-        H = np.lib.stride_tricks.sliding_window_view(w.ravel(), rows * w.shape[1])[:: w.shape[1]]
+        H = np.lib.stride_tricks.sliding_window_view(w.ravel(), rows * w.shape[1])[:: w.shape[1], order]
         L = la.qr(H, mode="r", check_finite=False)[0][: H.shape[1]].T
-        return HankelFactor(L, rows, w.shape[1], len(H), condition_of(L), "full QR", correlate(segments, rows))
+        return HankelFactor(L, rows, w.shape[1], len(H), condition_of(L), "full QR", correlate(segments, rows), order)
 
     compression.hankel_factor = explicit
     return excite_fit(u, y, name)
