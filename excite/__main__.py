@@ -1,5 +1,5 @@
 """`python -m excite` is the command `excite`."""
 
-from scenarios.cli.main import main
+from scenarios.cli import main
 
 main()

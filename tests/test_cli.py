@@ -168,6 +168,21 @@ def test_interruption_is_130(monkeypatch):
     assert excite("doctor") == (130, "", "excite: interrupted\n")
 
 
+def test_interruption_while_the_packages_load_is_130():
+    code = """
+import sys
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == "excite.errors":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+from scenarios.cli import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "excite: interrupted\n")
+
+
 @pytest.mark.parametrize("argv", [["plants", "--json"], ["methods"], ["--help"]], ids=" ".join)
 def test_a_closed_pipe_ends_quietly(argv):
     process = subprocess.Popen(

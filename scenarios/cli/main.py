@@ -55,11 +55,6 @@ def cli() -> None:
     """
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Run the command line and exit with its code."""
-    sys.exit(status(argv))
-
-
 def status(argv: list[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     try:
