@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from excite.errors import ExciteError, did_you_mean
+from scenarios.cli import loading
 
 # One line adds a command: name -> "module:command". Modules load when their command is called.
 COMMANDS: dict[str, str] = {
@@ -41,7 +42,8 @@ class Commands(click.Group):
         if name not in COMMANDS:
             raise click.UsageError(f"no command '{name}'; {did_you_mean(name, COMMANDS)}", ctx)
         module, attribute = COMMANDS[name].split(":")
-        return getattr(import_module(module), attribute)
+        with loading():
+            return getattr(import_module(module), attribute)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
