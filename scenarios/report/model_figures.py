@@ -22,7 +22,7 @@ from scenarios.report.drawing import (
     styled,
 )
 from scenarios.report.rows import best_rows, first_estimate
-from scenarios.results import SettingResult
+from scenarios.results import Row, SettingResult
 
 Range = tuple[float, float]
 
@@ -117,7 +117,8 @@ def _damping_lines(axis: Axes, x: Range, y: Range) -> None:
 def bode(setting: SettingResult, palette: Colours | None = None) -> Figure | None:
     """Return the magnitudes of the input-output pairs (all up to 3 x 3, else the diagonal) above the relative error.
 
-    The error is the spectral norm of the difference over that of the truth; the band of the score is shaded.
+    Magnitudes are of the first run. The error is the spectral norm of the difference over that of the truth, median and
+    quartiles over the runs; the band of the score is shaded.
     """
     palette, rows = palette or palette_of(setting), best_rows(setting)
     if not rows:
@@ -128,7 +129,7 @@ def bode(setting: SettingResult, palette: Colours | None = None) -> Figure | Non
     pairs = _pairs(len(models[0].outputs), len(models[0].inputs))
     nyquist = 0.5 / setting.dt
     low = band[0] / 2 if band else nyquist / 1000
-    lines = sum(map(len, pairs)) * (len(rows) + 1) + len(rows)
+    lines = sum(map(len, pairs)) * (len(rows) + 1) + 3 * len(rows)
     f = _frequencies([m for m in (truth, *models) if m is not None], low, nyquist, MOST_POINTS_FIGURE // lines)
     G = None if truth is None else truth.frf(f)
     responses = [model.frf(f) for model in models]
@@ -154,8 +155,7 @@ def bode(setting: SettingResult, palette: Colours | None = None) -> Figure | Non
             if r == len(pairs) - 1 and G is None:
                 axis.set_xlabel("frequency [Hz]")
     if G is not None:
-        size = np.linalg.norm(G, 2, axis=(1, 2))
-        errors = [np.linalg.norm(response - G, 2, axis=(1, 2)) / size for response in responses]
+        errors = [_error_quartiles(row, f, G) for row in rows]
         axis = figure.add_subplot(grid[-1, :])
         _frequency_axis(axis, (low, nyquist), band)
         _relative_errors(axis, f, errors, [palette[row.method] for row in rows])
@@ -177,15 +177,22 @@ def _frequency_axis(axis: Axes, limits: Range, band: Range | None) -> None:
         axis.axvspan(*band, color=BAND, lw=0, zorder=0, label="band of the score")
 
 
+def _error_quartiles(row: Row, f: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Quartiles (3, F) over the runs of the relative error of the frequency response."""
+    errors = [np.linalg.norm(e.model.frf(f) - G, 2, axis=(1, 2)) for e in row.estimates[:MOST_RUNS] if e is not None]
+    return np.percentile(errors, [25, 50, 75], axis=0) / np.linalg.norm(G, 2, axis=(1, 2))
+
+
 def _relative_errors(axis: Axes, f: np.ndarray, errors: Sequence[np.ndarray], colours: Sequence[str]) -> None:
-    """Draw relative errors in %, the best on top; the axis ends at 1000 %."""
+    """Draw relative errors in %, quartiles (3, F) each, the best on top; the axis ends at 1000 %."""
     shown = 100 * np.clip(errors, 1e-12, 1e12)
-    for error, colour in reversed(list(zip(shown, colours, strict=True))):
-        axis.plot(f, error, color=colour)
+    for (low, median, high), colour in reversed(list(zip(shown, colours, strict=True))):
+        axis.fill_between(f, low, high, color=colour, alpha=0.2, lw=0)
+        axis.plot(f, median, color=colour)
     bottom = max(np.percentile(shown, 1) / 2, 1e-8)
     log_scale(axis, "y", bottom, max(min(2 * shown.max(), 1e3), 10 * bottom))
     axis.set(xlabel="frequency [Hz]", ylabel="error [%]")
-    axis.set_title("relative error over all pairs, |Ĝ − G| / |G| (largest singular values)")
+    axis.set_title("relative error over all pairs, |Ĝ − G| / |G| (largest singular values); median and quartiles of the runs")
 
 
 def _frequencies(models: Sequence[Model], low: float, high: float, count: int) -> np.ndarray:

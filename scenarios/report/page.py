@@ -63,7 +63,7 @@ CAPTIONS = {
     "poles": "Poles of the truth (crosses) and of every run's estimate (dots) for the best order of each method, with "
     "rays of constant damping ratio ζ. The dotted frame on the left is the view on the right.",
     "bode": "Magnitude of the frequency response, truth dashed, first run of the best order of each method; below, the "
-    "relative error. The band over which the score is taken is shaded.",
+    "relative error, median (line) and quartiles (shaded) over the runs. The band over which the score is taken is shaded.",
     "outputs": "Left: the beginning of the validation run, measured and noise-free, with simulations driven by the "
     "inputs of the noise-free run. Right: their errors over the whole run. Axes keep to the range of the data.",
     "singular-values": "Singular values from which the order can be judged: a clear drop after the order is a good "
