@@ -63,7 +63,8 @@ def columns_of(segments: Sequence[np.ndarray], rows: int) -> int:
 def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int, order: np.ndarray | None = None) -> HankelFactor:
     """Compress the block-Hankel matrix of several segments (N_i, c), side by side, into its triangular factor.
 
-    order (d,) : the rows of H, in the order in which the factor is to be triangular where that is not theirs.
+    order (d,) : the rows of H in the order in which the factor is to be triangular; their own when not given.
+
     A segment is an array or whatever has its shape, length and slices (a memory map, an HDF5 dataset): it is read chunk
     after chunk, twice where the Gram form does not hold. Raises ExciteError when the data leave no more columns than
     there are rows, saying how many rows they allow.
@@ -97,8 +98,8 @@ def largest_rows(segments: Sequence[np.ndarray]) -> int:
 def hankel_gram(segments: Sequence[np.ndarray | Joint], correlation: Correlation) -> np.ndarray:
     """Gram matrix H H^T (d, d) by displacement, H having a block row for each linear lag of the segments' correlation."""
     rows, c = correlation.linear.shape[:2]
-    starts = np.stack([w[: rows - 1] for w in segments])
-    ends = np.stack([w[len(w) - rows + 1 :] for w in segments])
+    starts = np.array([w[: rows - 1] for w in segments], float)
+    ends = np.array([w[len(w) - rows + 1 :] for w in segments], float)
     step = np.tensordot(ends, ends, (0, 0)) - np.tensordot(starts, starts, (0, 0))
     G = np.empty((rows, c, rows, c))
     G[0] = correlation.linear.transpose(1, 0, 2)

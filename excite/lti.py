@@ -21,12 +21,11 @@ def markov(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, count: in
 
 def observability(A: np.ndarray, C: np.ndarray, count: int) -> np.ndarray:
     """Return C, CA, …, CA^(count-1) as (count, ny, n), by doubling."""
-    O = C[None]
-    power = A
-    while len(O) < count:
-        O = np.concatenate([O, O @ power])
+    O, power, (ny, n) = C, A, C.shape
+    while len(O) < count * ny:
+        O = np.vstack([O, O @ power])  # one matrix product for all block rows
         power = power @ power
-    return O[:count]
+    return O[: count * ny].reshape(count, ny, n)
 
 
 def simulate(
@@ -38,7 +37,7 @@ def simulate(
     x = np.zeros(n) if x0 is None else np.asarray(x0, float)
     if n == 0:
         return u @ D.T
-    if N <= BLOCK:
+    if N <= max(BLOCK, n):  # the powers of a large A cost more than so few steps
         y = np.empty((N, ny))
         for k in range(N):
             y[k] = C @ x + D @ u[k]

@@ -129,6 +129,8 @@ def test_segments_are_read_piece_by_piece(tmp_path):
         np.save(tmp_path / "record.npy", values)
         mapped = hankel_factor([np.load(tmp_path / "record.npy", mmap_mode="r")], 20)
         np.testing.assert_array_equal(mapped.L, hankel_factor([values], 20).L)
+    counts = (1000 * w).astype(np.int16)
+    np.testing.assert_array_equal(hankel_factor([counts], 20).L, hankel_factor([counts.astype(float)], 20).L)
 
 
 def test_a_joint_segment_is_u_beside_y():
