@@ -12,9 +12,11 @@ from excite import correlation, hankel, lti
 from excite.correlation import Joint, correlate
 from excite.hankel import columns_of, hankel_factor, hankel_gram, largest_rows
 from excite.types.experiment import Experiment
+from excite.types.models import StateSpaceModel
 from identify.checks import closed_loop
 from identify.estimate import Status
 from identify.ground import dual_regression
+from identify.ground import initial_state as initial_state_module
 from identify.ground import input_matrices as ground
 from identify.ground.compression import compress, future_lq, left_svd, lq, regress
 from identify.ground.initial_state import initial_state
@@ -257,6 +259,18 @@ def test_initial_state_reads_only_as_far_as_it_is_seen():
     x0 = np.array([2.0, -1.0])
     y = truth.simulate(data.u, x0)
     np.testing.assert_allclose(initial_state(truth, Experiment(data.u, y, dt=1.0), False), x0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("values", "samples"), [(60, 20), (10**7, 300)])
+def test_initial_state_of_a_slow_model_takes_bounded_memory(monkeypatch, values, samples):
+    """As many samples as the values allow, but five equations a state at least."""
+    monkeypatch.setattr(initial_state_module, "HEAD_VALUES", values)
+    model = StateSpaceModel(np.diag([0.9999, 0.5, -0.3, 0.2]), np.ones((4, 1)), np.ones((1, 4)), [[0.0]], 1.0)
+    rng = np.random.default_rng(0)
+    u, x0 = rng.standard_normal((300, 1)), rng.standard_normal(4)
+    y = model.simulate(u, x0)
+    y[samples:] += 1.0  # what it must not look at
+    np.testing.assert_allclose(initial_state(model, Experiment(u, y, dt=1.0), False), x0, atol=1e-8)
 
 
 @pytest.mark.parametrize("low_pass", [False, True])
