@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from excite.types.signal import Signal
 from scenarios.results import SettingResult
 
 Colours = Mapping[str, str]
@@ -35,6 +36,9 @@ WIDTH = 9.0  # inches, drawn at 100 px an inch
 MOST_POINTS = 2000  # a line
 MOST_POINTS_FIGURE = 12_000
 MOST_RUNS = 30
+WINDOW_S = 20.0
+FEWEST = 400  # samples that a time window holds at least
+MOST_TURNS = 120  # of a drawn line: more fill the picture with ink
 
 
 def styled(draw: Draw) -> Draw:
@@ -82,6 +86,25 @@ def thin(x: np.ndarray, y: np.ndarray, points: int, log: bool = False) -> tuple[
     bins = np.split(np.arange(len(x)), np.unique(np.searchsorted(position, edges)))
     keep = np.unique([i for b in bins if b.size for i in (b[y[b].argmin()], b[y[b].argmax()])])
     return x[keep], y[keep]
+
+
+def legible(signal: Signal, most: int) -> int:
+    """Samples to draw: of one period and at most `most` what holds few enough turns; more where that hides half the range."""
+    u = signal.u
+    longest = min(len(u), signal.period or len(u), most)
+    turns = [_turns(column) for column in u[:longest].T]
+    shortest = min([longest, *(int(at[MOST_TURNS]) for at in turns if len(at) > MOST_TURNS)])
+    for shown in (shortest, longest) if 2 * shortest < longest else (longest,):  # a bit less would only puzzle
+        if (np.ptp(u[:shown], axis=0) >= 0.5 * np.ptp(u, axis=0)).all():
+            return shown
+    return len(u)
+
+
+def _turns(u: np.ndarray) -> np.ndarray:
+    """Samples at which u (N,) begins to rise after it fell, or to fall after it rose."""
+    steps = np.diff(u)
+    at = np.flatnonzero(steps)
+    return at[1:][np.sign(steps[at[1:]]) != np.sign(steps[at[:-1]])]
 
 
 def log_scale(axes: Axes, which: str, low: float, high: float) -> None:

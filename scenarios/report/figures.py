@@ -13,15 +13,18 @@ from excite.types.signal import Signal
 from identify.ground.initial_state import initial_state
 from scenarios.report.columns import number
 from scenarios.report.drawing import (
+    FEWEST,
     MEASURED,
     MOST_POINTS_FIGURE,
     MOST_RUNS,
     PALETTE,
     TRUTH,
+    WINDOW_S,
     Colours,
     canvas,
     colours,
     legend,
+    legible,
     log_scale,
     palette_of,
     plain,
@@ -33,9 +36,6 @@ from scenarios.report.model_figures import bode, poles
 from scenarios.report.rows import best_rows, first_estimate, spread
 from scenarios.results import Row, RunResult, SettingResult
 
-WINDOW_S = 20.0
-FEWEST = 400  # samples that a time window holds at least
-MOST_TURNS = 120  # of a drawn line: more fill the picture with ink
 MOST_CHANNELS, MOST_ROWS = 6, 24
 
 
@@ -66,7 +66,7 @@ def all_figures(result: RunResult) -> dict[str, Figure]:
 def excitation(signal: Signal) -> Figure:
     """Return each channel over time (as much of it as can be told apart) beside its spectral lines (of one period)."""
     count = min(signal.u.shape[1], MOST_CHANNELS)
-    shown = _legible(signal)
+    shown = legible(signal, max(round(WINDOW_S / signal.dt), FEWEST))
     length = signal.period if signal.period and signal.period <= len(signal.u) else len(signal.u)
     f = np.fft.rfftfreq(length, signal.dt)[1:]
     lines = 2 * np.abs(np.fft.rfft(signal.u[:length], axis=0))[1:] / length
@@ -100,25 +100,6 @@ def excitation(signal: Signal) -> Figure:
     axes[-1, 0].set_xlim(0, shown * signal.dt)
     axes[-1, 1].set_xlabel("frequency [Hz]")
     return figure
-
-
-def _legible(signal: Signal) -> int:
-    """Samples to draw: of one period or 20 s what holds few enough turns; more where that does not show half the range."""
-    u = signal.u
-    longest = min(len(u), signal.period or len(u), max(round(WINDOW_S / signal.dt), FEWEST))
-    turns = [_turns(column) for column in u[:longest].T]
-    shortest = min([longest, *(int(at[MOST_TURNS]) for at in turns if len(at) > MOST_TURNS)])
-    for shown in (shortest, longest):
-        if (np.ptp(u[:shown], axis=0) >= 0.5 * np.ptp(u, axis=0)).all():
-            return shown
-    return len(u)
-
-
-def _turns(u: np.ndarray) -> np.ndarray:
-    """Samples at which u (N,) begins to rise after it fell, or to fall after it rose."""
-    steps = np.diff(u)
-    at = np.flatnonzero(steps)
-    return at[1:][np.sign(steps[at[1:]]) != np.sign(steps[at[:-1]])]
 
 
 @styled
