@@ -145,20 +145,21 @@ class Method(ABC):
         if (span := self.span(estimate.order)) and (records := gap_free(data, span)).missing:
             x0 = tuple(estimate.x0[i] for i in records.first)
             estimate = replace(estimate, x0=x0, warnings=(records.report(span), *estimate.warnings))
+        closed = any(experiment.loop.closed for experiment in data)
         if self.input_delay:
-            estimate = _behind_dead_time(estimate, measured, self.input_delay)
+            estimate = _behind_dead_time(estimate, measured, self.input_delay, self.closed_loop or closed)
         settings = asdict(self)
-        open_loop = not any(experiment.loop.closed for experiment in data)
-        if open_loop and estimate.status is Status.OK and np.abs(estimate.model.poles()).max(initial=0) > 1 + 1e-6:
+        if not closed and estimate.status is Status.OK and np.abs(estimate.model.poles()).max(initial=0) > 1 + 1e-6:
             estimate = replace(estimate, status=Status.UNSTABLE)
         return replace(estimate, settings=settings, seconds=time.perf_counter() - begin)
 
 
-def _behind_dead_time(estimate: Estimate, data: tuple[Experiment, ...], samples: int) -> Estimate:
+def _behind_dead_time(estimate: Estimate, data: tuple[Experiment, ...], samples: int, predictor: bool) -> Estimate:
     """Return the estimate for the inputs as they were measured; x0 then also holds what was on its way at the first sample."""
     model = estimate.model.delayed(samples)
+    predictor = bool(np.any(model.K)) and (predictor or np.abs(model.poles()).max() >= 1)  # else by simulation, as B and D
     first = (gap_free((record,), model.order).parts[0] for record in data)
-    x0 = tuple(initial_state(model, part, predictor=bool(np.any(model.K))) for part in first)
+    x0 = tuple(initial_state(model, part, predictor) for part in first)
     return replace(estimate, model=model, x0=x0)
 
 
