@@ -40,7 +40,9 @@ class OutputLimit:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Low and high of every output, (ny,) each, infinite where free."""
         names = tuple(c.name for c in self.model.outputs)
-        return per_channel(self.low, names, "OutputLimit.low", -np.inf), per_channel(self.high, names, "OutputLimit.high", np.inf)
+        return per_channel(self.low, names, "OutputLimit.low", -np.inf), per_channel(
+            self.high, names, "OutputLimit.high", np.inf
+        )
 
     def to_dict(self) -> dict:
         """Plain values for JSON and TOML; None is left out."""
@@ -101,8 +103,15 @@ class Limits:
                 raise ExciteError(f"limits: {key}: {value!r}; give a whole number of at least {least}")
         if self.bits is not None and self.bits > 32:
             raise ExciteError(f"limits: bits: {self.bits}; no converter has more than 32")
-        if self.bits is not None and self.range is None and self.amplitude is None and (self.low is None or self.high is None):
-            raise ExciteError(f"limits: bits: {self.bits} without a range; give range = [from, to], amplitude, or low and high")
+        if (
+            self.bits is not None
+            and self.range is None
+            and self.amplitude is None
+            and (self.low is None or self.high is None)
+        ):
+            raise ExciteError(
+                f"limits: bits: {self.bits} without a range; give range = [from, to], amplitude, or low and high"
+            )
         if self.range is not None and (len(self.range) != 2 or not self.range[0] < self.range[1]):
             raise ExciteError(f"limits: range: {self.range!r}; give [from, to] with from below to")
         if not 0 < self.lost_power < 1:
@@ -139,7 +148,9 @@ class Limits:
         low = np.maximum(per_channel(self.low, names, "limits: low", -np.inf), -amplitude)
         high = np.minimum(per_channel(self.high, names, "limits: high", np.inf), amplitude)
         for i in np.flatnonzero(low > high):
-            raise ExciteError(f"limits: channel '{names[i]}': low {low[i]:g} is above high {high[i]:g}; nothing can be played")
+            raise ExciteError(
+                f"limits: channel '{names[i]}': low {low[i]:g} is above high {high[i]:g}; nothing can be played"
+            )
         return low, high
 
     def largest_move(self, signal: Signal) -> np.ndarray:

@@ -48,7 +48,9 @@ class Bounds:
         return np.maximum(y - self.y_high, self.y_low - y).max(0, initial=-np.inf) + margin
 
 
-def nearest(target: np.ndarray, bounds: Bounds, band: tuple[float, float] | None, margin: np.ndarray) -> tuple[np.ndarray, bool]:
+def nearest(
+    target: np.ndarray, bounds: Bounds, band: tuple[float, float] | None, margin: np.ndarray
+) -> tuple[np.ndarray, bool]:
     """Minimise ||F (v - target)||^2 within the bounds, outputs kept off theirs by `margin` (ny,): v, whether solved.
 
     F weighs deviations in `band` (fractions of the Nyquist frequency; None for all) by 1 and elsewhere by OUT_OF_BAND.
@@ -95,9 +97,18 @@ def _solve(
     A = sparse.vstack(rows).tocsc()
     solver = osqp.OSQP()
     solver.setup(
-        sparse.triu(P).tocsc(), q, A, np.concatenate(low), np.concatenate(high), verbose=False, eps_abs=ACCURACY,
-        eps_rel=ACCURACY, max_iter=ITERATIONS, rho=1.0, polishing=False,
-    )  # fmt: skip
+        sparse.triu(P).tocsc(),
+        q,
+        A,
+        np.concatenate(low),
+        np.concatenate(high),
+        verbose=False,
+        eps_abs=ACCURACY,
+        eps_rel=ACCURACY,
+        max_iter=ITERATIONS,
+        rho=1.0,
+        polishing=False,
+    )
     x = solver.solve(raise_error=False).x[: n * nu]
     if x is None or not np.isfinite(x).all():
         raise ExciteError("shape: the quadratic program has no solution; the limits contradict each other")
@@ -133,19 +144,25 @@ def _dynamics(
     x_scale = np.abs(lti.states(A, B, target[index] - bounds.rest)).max(0, initial=0.0)
     x_scale = np.where(x_scale > 0, x_scale, 1.0)
     sizes = np.abs([bounds.y_low, bounds.y_high])
-    y_scale = np.where((sizes > 0) & np.isfinite(sizes), sizes, np.inf).min(0)  # the solver's accuracy is the tighter one's
+    y_scale = np.where((sizes > 0) & np.isfinite(sizes), sizes, np.inf).min(
+        0
+    )  # the solver's accuracy is the tighter one's
     y_scale[np.isinf(y_scale)] = 1.0
     A, B = A / x_scale[:, None] * x_scale, B / x_scale[:, None] * scale
     C, D = C / y_scale[:, None] * x_scale, D / y_scale[:, None] * scale
     pick = sparse.coo_matrix((np.ones(K), (np.arange(K), index)), (K, n)).tocsr()
-    steps = sparse.hstack([
-        -sparse.kron(pick[: K - 1], B), sparse.eye((K - 1) * n_x) - sparse.kron(sparse.eye(K - 1, k=-1), A)
-    ])  # fmt: skip
+    steps = sparse.hstack(
+        [-sparse.kron(pick[: K - 1], B), sparse.eye((K - 1) * n_x) - sparse.kron(sparse.eye(K - 1, k=-1), A)]
+    )
     later = sparse.eye(K, K - 1, k=-1)  # x(0) = 0 is no variable
     seen = sparse.hstack([sparse.kron(pick, D), sparse.kron(later, C)])
     zero = np.zeros((K - 1) * n_x)
     low, high = ((b + s * margin) / y_scale for b, s in ((bounds.y_low, 1), (bounds.y_high, -1)))
-    return sparse.vstack([steps, seen]), np.concatenate([zero, np.tile(low, K)]), np.concatenate([zero, np.tile(high, K)])
+    return (
+        sparse.vstack([steps, seen]),
+        np.concatenate([zero, np.tile(low, K)]),
+        np.concatenate([zero, np.tile(high, K)]),
+    )
 
 
 def _samples_that_matter(A: np.ndarray, index: np.ndarray) -> int:

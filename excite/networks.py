@@ -69,7 +69,9 @@ def foster_to_cauer(resistance: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray
     """
     R, tau = _positive(resistance, "resistance"), _positive(tau, "tau")
     if len(R) != len(tau):
-        raise ExciteError(f"foster_to_cauer: {len(R)} resistances and {len(tau)} time constants; give one of each a mode")
+        raise ExciteError(
+            f"foster_to_cauer: {len(R)} resistances and {len(tau)} time constants; give one of each a mode"
+        )
     order = np.argsort(tau)
     R, tau = R[order], tau[order]
     if (twins := np.flatnonzero(np.diff(tau) == 0)).size:

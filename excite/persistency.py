@@ -143,23 +143,35 @@ def certify(data: Data, block_rows: int = 20, noise_floor: float | Sequence[floa
     in_floors = factor * np.tile(rms / floor, rows)[:, None] / np.sqrt(columns)
     channels = first.channels if isinstance(first, Signal) else first.inputs
     return Certificate(
-        order=order, block_rows=int(block_rows), reached=order >= block_rows,
-        margin=float(s[-1] / np.sqrt(columns)), condition=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
-        line_order=line_order, missing_hz=_missing(segments, period, first.dt),
-        channels=tuple(map(str, channels)), rms=tuple(rms.tolist()), peak=tuple(np.abs(joined).max(0).tolist()),
-        dt=first.dt, samples=len(joined), usable_response_s=getattr(first, "recipe", {}).get("usable_response_s"),
+        order=order,
+        block_rows=int(block_rows),
+        reached=order >= block_rows,
+        margin=float(s[-1] / np.sqrt(columns)),
+        condition=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
+        line_order=line_order,
+        missing_hz=_missing(segments, period, first.dt),
+        channels=tuple(map(str, channels)),
+        rms=tuple(rms.tolist()),
+        peak=tuple(np.abs(joined).max(0).tolist()),
+        dt=first.dt,
+        samples=len(joined),
+        usable_response_s=getattr(first, "recipe", {}).get("usable_response_s"),
         warnings=(*warnings, *notes),
         lines=None if lines is None else int(line_weights(period)[(lines != 0).any(1)].sum()),
-        noise_floor=tuple(floor.tolist()), floor_source=source,
+        noise_floor=tuple(floor.tolist()),
+        floor_source=source,
         order_above_floor=_largest(lambda n: la.svdvals(in_floors[: n * nu, : n * nu])[-1] > 1, rows),
         margin_over_floor=float(la.svdvals(in_floors)[-1]),
-    )  # fmt: skip
+    )
 
 
 def verdict(
-    data: Certificate | Data, name: str, required: int, sufficient: int | None = None,
+    data: Certificate | Data,
+    name: str,
+    required: int,
+    sufficient: int | None = None,
     noise_floor: float | Sequence[float] | None = None,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """Say whether an excitation is enough for a method: a necessary condition refuses, a sufficient one warns.
 
     name : how the reader knows the method, such as "po_moesp with 20 block rows and order 6"; required : order without
@@ -204,9 +216,14 @@ def _full_rank(s: np.ndarray) -> bool:
 
 
 def _orders(
-    segments: Sequence[np.ndarray], rows: int, asked: int, rms: np.ndarray, s: np.ndarray,
-    lines: np.ndarray | None, period: int | None,
-) -> tuple[int, int | None, list[str]]:  # fmt: skip
+    segments: Sequence[np.ndarray],
+    rows: int,
+    asked: int,
+    rms: np.ndarray,
+    s: np.ndarray,
+    lines: np.ndarray | None,
+    period: int | None,
+) -> tuple[int, int | None, list[str]]:
     """Order of the record, order of its period repeated for ever (None without one), and what stays in doubt."""
     nu, notes, line_order, by_lines = segments[0].shape[1], [], None, None
     if lines is not None:
@@ -229,7 +246,11 @@ def _orders(
     if exact is None:
         order = _largest(lambda n: _full_rank(la.svdvals(_factor(segments, n, rms))), rows)
         shared = "its channels may be dependent, or too alike for double precision to tell"
-        return order, line_order, [f"order {order} is proven; beyond it the input matrix is singular to rounding: {shared}"]
+        return (
+            order,
+            line_order,
+            [f"order {order} is proven; beyond it the input matrix is singular to rounding: {shared}"],
+        )
     if not exact.exact:
         notes.append(
             f"order {exact.order} is proven; up to {min(exact.ceiling, rows)} it cannot be decided in double precision "
@@ -270,7 +291,9 @@ def _floor(
     if given is not None:
         floor = np.asarray(given, dtype=float)
         if floor.shape not in ((), (1,), rms.shape) or not (np.isfinite(floor) & (floor >= 0)).all():
-            raise ExciteError(f"certify: noise_floor {given!r}; give one number from 0, or one for each of {len(rms)} channels")
+            raise ExciteError(
+                f"certify: noise_floor {given!r}; give one number from 0, or one for each of {len(rms)} channels"
+            )
         return np.maximum(np.broadcast_to(floor, rms.shape), rounding), "given"
     if period is not None and len(u) >= 2 * period:
         spread = (u[period:] - u[:-period]).std(0) / np.sqrt(2)

@@ -71,8 +71,15 @@ def propose(kind: str, known: Knowledge, dt: float | None = None, channels: int 
         reasons["periods"] = averaging
     elif kind == "multisine":
         period = ceil(2 * channels * known.settling_s / dt) * dt
-        parameters |= {"period_s": period, "band_hz": [1 / period, known.bandwidth_hz], "spacing": "odd", "periods": periods + 1}
-        reasons["period_s"] = "twice the settling time a channel: each channel's lines are closer than the sharpest resonance"
+        parameters |= {
+            "period_s": period,
+            "band_hz": [1 / period, known.bandwidth_hz],
+            "spacing": "odd",
+            "periods": periods + 1,
+        }
+        reasons["period_s"] = (
+            "twice the settling time a channel: each channel's lines are closer than the sharpest resonance"
+        )
         reasons["band_hz"] = "from the first line to the bandwidth"
         reasons["spacing"] = "odd lines: what appears on even ones is nonlinear distortion"
         reasons["periods"] = f"{averaging}; one more, the first, is transient"
@@ -82,9 +89,14 @@ def propose(kind: str, known: Knowledge, dt: float | None = None, channels: int 
     else:
         duration = ceil(max(5 * known.settling_s, 5 / low) * max(1, periods / 2) / dt) * dt
         parameters |= {
-            "form": "log", "start_hz": low, "stop_hz": known.bandwidth_hz, "duration_s": duration,
-            "dwell_cycles": 1, "fade_in_s": known.settling_s / 4, "fade_out_s": known.settling_s / 4,
-        }  # fmt: skip
+            "form": "log",
+            "start_hz": low,
+            "stop_hz": known.bandwidth_hz,
+            "duration_s": duration,
+            "dwell_cycles": 1,
+            "fade_in_s": known.settling_s / 4,
+            "fade_out_s": known.settling_s / 4,
+        }
         reasons["start_hz"] = "one cycle in the settling time"
         reasons["stop_hz"] = "the bandwidth"
         reasons["duration_s"] = f"at least five times the longest period (Tischler and Remple 2012); {averaging}"
@@ -108,7 +120,9 @@ def knowledge_of(model: StateSpaceModel, limit: float) -> Knowledge:
     s = np.log(np.where(np.abs(model.poles()) < 1e-12, 1e-12, model.poles()).astype(complex)) / model.dt
     moving = s[np.abs(s) * model.dt > 1e-6]
     if not len(moving):
-        raise ExciteError("propose: the model has only integrators, which have no bandwidth; say what is known yourself")
+        raise ExciteError(
+            "propose: the model has only integrators, which have no bandwidth; say what is known yourself"
+        )
     nyquist = 0.5 / model.dt
     decay = np.min(np.maximum(np.abs(moving.real), 1e-9))
     settling = 4 / decay
@@ -163,7 +177,11 @@ def _periods(known: Knowledge) -> tuple[int, str, tuple[str, ...]]:
         reason = "two periods, to compare them: the noise is not known"
     if needed > MOST_PERIODS:
         left = ratio / sqrt(MOST_PERIODS)
-        return periods, reason, (f"{needed} periods would be needed; {periods} leave an error of {left:.2g}: raise the limit",)
+        return (
+            periods,
+            reason,
+            (f"{needed} periods would be needed; {periods} leave an error of {left:.2g}: raise the limit",),
+        )
     return periods, reason, ()
 
 

@@ -79,7 +79,9 @@ def shape(signal: Signal, limits: Limits, band_hz: tuple[float, float] | None = 
     """
     before = check(signal, limits)
     if before.ok:
-        return Shaped(signal, before, before, certify(signal, block_rows), _loss(signal, signal, block_rows), "unchanged", ())
+        return Shaped(
+            signal, before, before, certify(signal, block_rows), _loss(signal, signal, block_rows), "unchanged", ()
+        )
     bound = tuple(dict.fromkeys(c.limit for c in before.exceeded))
     bounds, levels, period = _bounds(signal, limits)
     budget = limits.lost_power
@@ -103,9 +105,7 @@ def shape(signal: Signal, limits: Limits, band_hz: tuple[float, float] | None = 
     return Shaped(shaped, before, after, certify(shaped, block_rows), loss, method, bound)
 
 
-def _bounds(
-    signal: Signal, limits: Limits
-) -> tuple[Bounds, tuple[np.ndarray, np.ndarray] | None, int | None]:
+def _bounds(signal: Signal, limits: Limits) -> tuple[Bounds, tuple[np.ndarray, np.ndarray] | None, int | None]:
     """Bounds on the free values that rounding keeps, the converter's (lowest level, step), and the period that stays."""
     names = [c.name for c in signal.channels]
     low, high = limits.bounds(signal)
@@ -192,8 +192,13 @@ def _band(target: np.ndarray, step_s: float, band_hz: tuple[float, float] | None
         share = np.cumsum(power) / max(power.sum(), 1e-300)
         low, high = np.searchsorted(share, (0.005, 0.995)) / max(len(power) - 1, 1)
     if low >= 1:
-        raise ExciteError(f"shape: band_hz {band_hz!r} lies above the Nyquist frequency {0.5 / step_s:g} Hz of the values played")
-    low, high = (low if low > 1 / HALF_TAPS else 0.0), min(high + 0.5 / HALF_TAPS, 1.0)  # the filter tells no finer bands
+        raise ExciteError(
+            f"shape: band_hz {band_hz!r} lies above the Nyquist frequency {0.5 / step_s:g} Hz of the values played"
+        )
+    low, high = (
+        (low if low > 1 / HALF_TAPS else 0.0),
+        min(high + 0.5 / HALF_TAPS, 1.0),
+    )  # the filter tells no finer bands
     return None if high - low > 0.8 else (float(low), float(high))
 
 

@@ -30,7 +30,9 @@ def output_coherence(
         raise ExciteError("coherence needs uniform sampling without missing samples; resample, or take a gap-free part")
     low, high = band_hz
     if not 0 <= low < high <= 0.5 / dt:
-        raise ExciteError(f"band_hz: {low:g} to {high:g} Hz; give 0 <= first < last <= {0.5 / dt:g} Hz, the Nyquist frequency")
+        raise ExciteError(
+            f"band_hz: {low:g} to {high:g} Hz; give 0 <= first < last <= {0.5 / dt:g} Hz, the Nyquist frequency"
+        )
     length = min(len(experiment) // SEGMENTS, experiment.period or len(experiment))
     f_hz = np.fft.rfftfreq(max(length, 1), dt)
     band = np.flatnonzero((f_hz >= low) & (f_hz <= high))
@@ -83,9 +85,11 @@ def with_outputs(experiment: Experiment, names: Iterable[str]) -> Experiment:
             raise ExciteError(f"no output '{name}'; {did_you_mean(name, known)}")
     index = [known.index(name) for name in names]
     return replace(
-        experiment, y=experiment.y[:, index], outputs=[experiment.outputs[i] for i in index],
+        experiment,
+        y=experiment.y[:, index],
+        outputs=[experiment.outputs[i] for i in index],
         references=experiment.references or None,
-    )  # fmt: skip
+    )
 
 
 def _instrument(experiment: Experiment, instrument: str | None) -> np.ndarray:

@@ -165,7 +165,7 @@ def check_converges(name: str) -> None:
 def check_several_records(name: str) -> None:
     """More records give one estimate that no seam disturbs: a record cut in two with samples missing between, or the
     responses measured again.
-    """  # fmt: skip
+    """
     data, truth = example_for(name)
     if method_class(name).consumes in ("time series", "outputs"):
         data = [part for e in data for part in (e.window(0, 700), e.window(705))]

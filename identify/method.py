@@ -157,7 +157,9 @@ class Method(ABC):
 def _behind_dead_time(estimate: Estimate, data: tuple[Experiment, ...], samples: int, predictor: bool) -> Estimate:
     """Return the estimate for the inputs as they were measured; x0 then also holds what was on its way at the first sample."""
     model = estimate.model.delayed(samples)
-    predictor = bool(np.any(model.K)) and (predictor or np.abs(model.poles()).max() >= 1)  # else by simulation, as B and D
+    predictor = bool(np.any(model.K)) and (
+        predictor or np.abs(model.poles()).max() >= 1
+    )  # else by simulation, as B and D
     first = (gap_free((record,), model.order).parts[0] for record in data)
     x0 = tuple(initial_state(model, part, predictor) for part in first)
     return replace(estimate, model=model, x0=x0)
@@ -174,7 +176,9 @@ def experiments(data: Data) -> tuple[Experiment, ...]:
             if getattr(other, what) != getattr(first, what):
                 raise ExciteError(f"experiment {k}: its {what} differ from those of experiment 0; pass like with like")
         if (first.dt is None) != (other.dt is None) or (first.dt and abs(other.dt / first.dt - 1) > 1e-6):
-            raise ExciteError(f"experiment {k}: dt {other.dt} s differs from {first.dt} s of experiment 0; resample one")
+            raise ExciteError(
+                f"experiment {k}: dt {other.dt} s differs from {first.dt} s of experiment 0; resample one"
+            )
     return data
 
 
@@ -196,7 +200,9 @@ def order_or_gap(order: int | None, singular_values: np.ndarray, largest: int) -
     if len(singular_values) < 2:
         raise ExciteError("a single singular value shows no gap to choose the order at; give the order")
     chosen, ratio = largest_gap(singular_values[: largest + 1])
-    return chosen, (f"order {chosen} chosen at the largest singular-value gap (ratio {ratio:.3g}); give the order to fix it",)
+    return chosen, (
+        f"order {chosen} chosen at the largest singular-value gap (ratio {ratio:.3g}); give the order to fix it",
+    )
 
 
 def list_methods() -> list[str]:

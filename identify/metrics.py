@@ -84,12 +84,20 @@ def pole_errors(true: np.ndarray, estimated: np.ndarray, dt: float) -> PoleError
         time_constant = 100 * np.abs(s.real / s_hat.real - 1)
         frequency = 100 * np.abs(wn_hat / wn - 1)
     return PoleErrors(
-        true[rows], estimated[columns],
-        tuple("integrator" if i else "oscillatory" if o else "real" for i, o in zip(integrator, oscillatory, strict=True)),
-        np.abs(s - s_hat) / scale, np.abs(true[rows] - estimated[columns]),
-        np.where(oscillatory, frequency, nan), np.where(oscillatory, damping, nan), np.where(real, time_constant, nan),
-        np.where(integrator, wn_hat, nan), max(0, len(true) - len(estimated)), max(0, len(estimated) - len(true)),
-    )  # fmt: skip
+        true[rows],
+        estimated[columns],
+        tuple(
+            "integrator" if i else "oscillatory" if o else "real" for i, o in zip(integrator, oscillatory, strict=True)
+        ),
+        np.abs(s - s_hat) / scale,
+        np.abs(true[rows] - estimated[columns]),
+        np.where(oscillatory, frequency, nan),
+        np.where(oscillatory, damping, nan),
+        np.where(real, time_constant, nan),
+        np.where(integrator, wn_hat, nan),
+        max(0, len(true) - len(estimated)),
+        max(0, len(estimated) - len(true)),
+    )
 
 
 def frf_errors(model: Model, truth: Model, band_hz: tuple[float, float], points: int = 400) -> tuple[float, float]:

@@ -38,15 +38,29 @@ def estimate_to_dict(estimate: Estimate, fit: Mapping[str, Any] | None = None) -
     """Return the object that `excite identify --json` prints and MODEL.json holds."""
     model = estimate.model
     kind = next(k for k, (cls, _) in ARRAYS.items() if isinstance(model, cls))
-    return plain({
-        "schema_version": SCHEMA_VERSION, "kind": kind, "method": estimate.method, "order": estimate.order,
-        "dt": model.dt, "inputs": [str(c) for c in model.inputs], "outputs": [str(c) for c in model.outputs],
-        **{name: getattr(model, name) for name in ARRAYS[kind][1]}, "x0": list(estimate.x0),
-        "poles": [pole_to_dict(p, model.dt) for p in model.poles()],
-        "singular_values": estimate.singular_values, "fit": fit, "uncertainty": estimate.uncertainty,
-        "status": estimate.status.name.lower(), "warnings": list(estimate.warnings), "settings": estimate.settings,
-        "condition": estimate.condition, "path": estimate.path, "seconds": estimate.seconds,
-    })  # fmt: skip
+    return plain(
+        {
+            "schema_version": SCHEMA_VERSION,
+            "kind": kind,
+            "method": estimate.method,
+            "order": estimate.order,
+            "dt": model.dt,
+            "inputs": [str(c) for c in model.inputs],
+            "outputs": [str(c) for c in model.outputs],
+            **{name: getattr(model, name) for name in ARRAYS[kind][1]},
+            "x0": list(estimate.x0),
+            "poles": [pole_to_dict(p, model.dt) for p in model.poles()],
+            "singular_values": estimate.singular_values,
+            "fit": fit,
+            "uncertainty": estimate.uncertainty,
+            "status": estimate.status.name.lower(),
+            "warnings": list(estimate.warnings),
+            "settings": estimate.settings,
+            "condition": estimate.condition,
+            "path": estimate.path,
+            "seconds": estimate.seconds,
+        }
+    )
 
 
 def pole_to_dict(pole: complex, dt: float) -> dict[str, float]:
@@ -64,13 +78,23 @@ def estimate_from_dict(data: Mapping[str, Any], place: str) -> Estimate:
         model: Model = kind(dt=data["dt"], inputs=data["inputs"], outputs=data["outputs"], **arrays)
         values = data.get("singular_values")
         return Estimate(
-            model, data["method"], data["order"], x0=tuple(np.array(x, float) for x in data.get("x0") or ()),
-            singular_values=None if values is None else np.array(values, float), uncertainty=data.get("uncertainty"),
-            status=Status[data["status"].upper()], warnings=tuple(data["warnings"]), settings=data.get("settings") or {},
-            condition=data.get("condition"), path=data.get("path"), seconds=data.get("seconds") or 0.0,
-        )  # fmt: skip
+            model,
+            data["method"],
+            data["order"],
+            x0=tuple(np.array(x, float) for x in data.get("x0") or ()),
+            singular_values=None if values is None else np.array(values, float),
+            uncertainty=data.get("uncertainty"),
+            status=Status[data["status"].upper()],
+            warnings=tuple(data["warnings"]),
+            settings=data.get("settings") or {},
+            condition=data.get("condition"),
+            path=data.get("path"),
+            seconds=data.get("seconds") or 0.0,
+        )
     except KeyError as error:
-        raise ExciteError(f"{place}: key {error} is missing or unknown; pass a model that `excite identify -o` wrote") from None
+        raise ExciteError(
+            f"{place}: key {error} is missing or unknown; pass a model that `excite identify -o` wrote"
+        ) from None
     except (TypeError, ValueError, AttributeError) as error:
         raise ExciteError(f"{place}: {error}; pass a model that `excite identify -o` wrote") from None
 

@@ -169,6 +169,8 @@ def order_table(data: "Data", method: "Method", orders: Sequence[int]) -> OrderT
         "aic": {row.order: row.criteria.aic for row in rows},
         "bic": {row.order: row.criteria.bic for row in rows},
     }
-    chosen = {name: min(v, key=v.get) for name, each in judged.items() if (v := {n: x for n, x in each.items() if x == x})}
+    chosen = {
+        name: min(v, key=v.get) for name, each in judged.items() if (v := {n: x for n, x in each.items() if x == x})
+    }
     models = {row.order: row.estimate.model.to_state_space() for row in rows if row.estimate is not None}
     return OrderTable(tuple(rows), chosen, stabilisation(models))

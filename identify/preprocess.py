@@ -87,7 +87,9 @@ def out_of_range(experiment: Experiment) -> str | None:
                     f"{peak:.3g}: a diverged run, whose squares overflow; keep the part before it grows"
                 )
             if 0 < peak < SMALLEST:
-                return f"channel '{channel.name}' stays below {SMALLEST:g}, so that its squares underflow; change its unit"
+                return (
+                    f"channel '{channel.name}' stays below {SMALLEST:g}, so that its squares underflow; change its unit"
+                )
     return None
 
 

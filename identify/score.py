@@ -34,7 +34,10 @@ METRICS: dict[str, tuple[str, bool]] = {
     "fit_simulation": ("fit of the simulated output on the validation record, %", False),
     "fit_one_step": ("fit of the one-step prediction on the validation record, %", False),
     "fit_clean": ("fit of the simulated output on the noise-free twin of the validation run, %", False),
-    "fit_below_floor": ("points by which the fit on the noise-free twin stays below that of the linearised truth", True),
+    "fit_below_floor": (
+        "points by which the fit on the noise-free twin stays below that of the linearised truth",
+        True,
+    ),
     "vaf_simulation": ("variance accounted for by the simulated output, %", False),
     "vaf_one_step": ("variance accounted for by the one-step prediction, %", False),
 }
@@ -53,9 +56,14 @@ class Score:
 
 
 def score(
-    estimate: Estimate | Model, validation: Experiment, truth: Truth | None = None, *,
-    horizons: Sequence[int] = (), band_hz: tuple[float, float] | None = None, clean: Experiment | None = None,
-) -> Score:  # fmt: skip
+    estimate: Estimate | Model,
+    validation: Experiment,
+    truth: Truth | None = None,
+    *,
+    horizons: Sequence[int] = (),
+    band_hz: tuple[float, float] | None = None,
+    clean: Experiment | None = None,
+) -> Score:
     """Score an estimate (or a model) on a validation record, and against the truth when it is given.
 
     Simulation and one-step prediction start from the initial state that fits the record best; where samples are missing,
@@ -129,14 +137,20 @@ def truth_errors(model: Model, truth: Truth, band_hz: tuple[float, float] | None
         return float(np.nanmax(errors)) if np.isfinite(errors).any() else float("nan")
 
     return {
-        "pole_error_max": float(relative.max(initial=0)), "pole_error_mean": float(relative.mean()),
-        "pole_error_frequency_percent": worst(p.frequency_percent), "pole_error_damping": worst(p.damping),
+        "pole_error_max": float(relative.max(initial=0)),
+        "pole_error_mean": float(relative.mean()),
+        "pole_error_frequency_percent": worst(p.frequency_percent),
+        "pole_error_damping": worst(p.damping),
         "pole_error_time_constant_percent": worst(p.time_constant_percent),
         "pole_error_integrator_rad_s": worst(p.integrator_rad_s),
-        "pole_error_z_max": float(p.z.max(initial=0)), "pole_error_z_mean": float(p.z.mean()),
-        "poles_missing": p.missing, "poles_surplus": p.surplus,
-        "frf_error_h2": h2, "frf_error_peak": peak, "impulse_error": metrics.impulse_error(model, true),
-    }  # fmt: skip
+        "pole_error_z_max": float(p.z.max(initial=0)),
+        "pole_error_z_mean": float(p.z.mean()),
+        "poles_missing": p.missing,
+        "poles_surplus": p.surplus,
+        "frf_error_h2": h2,
+        "frf_error_peak": peak,
+        "impulse_error": metrics.impulse_error(model, true),
+    }
 
 
 def check_same_system(model: Model, experiment: Experiment) -> None:

@@ -108,12 +108,16 @@ class RamRate(Element):
 
     def passes(self, u: np.ndarray) -> bool:
         """Rams that follow u keep their rates."""
-        rates = [lti.states(A, B[:, None], u[:, [j]])[:, 1] for j, (A, B) in enumerate(zip(self.A, self.B, strict=True))]
+        rates = [
+            lti.states(A, B[:, None], u[:, [j]])[:, 1] for j, (A, B) in enumerate(zip(self.A, self.B, strict=True))
+        ]
         return bool((np.abs(rates).T <= self.rate).all())
 
 
 IN_FRONT: dict[str, Parameter] = {
-    "actuator_quantum": Parameter(NONE, "of input", "step of a quantiser; one number, or one an input; none: no such element"),
+    "actuator_quantum": Parameter(
+        NONE, "of input", "step of a quantiser; one number, or one an input; none: no such element"
+    ),
     "actuator_saturation": Parameter(NONE, "of input", "largest modulus behind the quantiser"),
     "actuator_rate": Parameter(NONE, "of input/s", "largest rate behind the saturation"),
     "actuator_backlash": Parameter(NONE, "of input", "width of the play behind the rate limit"),
@@ -137,9 +141,11 @@ def in_front(plant: Plant, given: Mapping[str, Any]) -> Plant:
         if value != NONE:
             sizes[key] = _sizes(value, f"{plant.name} parameter '{key}'", len(plant.inputs))
     kinds = {
-        "actuator_quantum": Quantiser, "actuator_saturation": lambda s: Saturation(-s, s),
-        "actuator_rate": lambda s: RateLimit(s * plant.dt), "actuator_backlash": Backlash,
-    }  # fmt: skip
+        "actuator_quantum": Quantiser,
+        "actuator_saturation": lambda s: Saturation(-s, s),
+        "actuator_rate": lambda s: RateLimit(s * plant.dt),
+        "actuator_backlash": Backlash,
+    }
     elements = tuple(kinds[key](size) for key, size in sizes.items())
     return replace(plant, parameters=parameters, actuator=elements + plant.actuator)
 

@@ -153,14 +153,21 @@ def check_bad_loops_are_refused(plant: Plant, inject: str) -> None:
     direct = replace(controller, D=np.ones_like(controller.D))
     nu, m = controller.D.shape
     hidden = replace(
-        controller, A=la.block_diag(controller.A, [[1.1]]), B=np.vstack([controller.B, np.zeros((1, m))]),
+        controller,
+        A=la.block_diag(controller.A, [[1.1]]),
+        B=np.vstack([controller.B, np.zeros((1, m))]),
         C=np.hstack([controller.C, np.zeros((nu, 1))]),
-    )  # fmt: skip
+    )
     for changes, expected in (
-        ({"dynamics": replace(dynamics, D=np.ones_like(dynamics.D)), "feedback": replace(plant.feedback, controller=direct)},
-         "algebraic loop"),
+        (
+            {
+                "dynamics": replace(dynamics, D=np.ones_like(dynamics.D)),
+                "feedback": replace(plant.feedback, controller=direct),
+            },
+            "algebraic loop",
+        ),
         ({"feedback": replace(plant.feedback, controller=hidden)}, "not internally stable"),
-    ):  # fmt: skip
+    ):
         try:
             replace(plant, **changes)
         except ExciteError as error:

@@ -59,9 +59,14 @@ class Described:
         except ExciteError as error:
             raise ExciteError(f"{self.name} parameter {error}") from None
         return LinearPlant(
-            name=self.name, description=self.description, parameters=resolved, noise_sources=noise, preset=preset,
-            note=self.note, **fields,
-        )  # fmt: skip
+            name=self.name,
+            description=self.description,
+            parameters=resolved,
+            noise_sources=noise,
+            preset=preset,
+            note=self.note,
+            **fields,
+        )
 
 
 def plain(given: object, place: str) -> Any:
@@ -275,7 +280,9 @@ def _size(matrix: np.ndarray) -> str:
 
 def _table(value: object, place: str, known: tuple[str, ...]) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        raise ExciteError(f"'{place}': {value!r}; give a table such as {{num = [1.0], den = [1.0, -0.5]}}, or \"{NONE}\"")
+        raise ExciteError(
+            f"'{place}': {value!r}; give a table such as {{num = [1.0], den = [1.0, -0.5]}}, or \"{NONE}\""
+        )
     for key in value:
         if key not in known:
             raise ExciteError(f"'{place}.{key}': unknown key; {did_you_mean(str(key), known)}")

@@ -76,7 +76,9 @@ class LinearPlant:
             found = {"input": Injection(self.inputs, self.limits, settings, self.note)}
             if self.input_filter is not None:
                 w = tuple(Channel(f"w_{c.name}", c.unit) for c in self.inputs)
-                found["filtered_input"] = Injection(w, self.limits, settings, "played through the input filter, which gives u")
+                found["filtered_input"] = Injection(
+                    w, self.limits, settings, "played through the input filter, which gives u"
+                )
             return found
         measured = [self.outputs[i] for i in self.feedback.measured]
         places = {
@@ -142,7 +144,12 @@ class LinearPlant:
         return self.run_many(signal, seeds=[seed], inject=inject, noise=noise)[0]
 
     def run_many(
-        self, signal: Signal, *, seeds: Sequence[int], inject: str | None = None, noise: bool | Mapping[str, float] = True
+        self,
+        signal: Signal,
+        *,
+        seeds: Sequence[int],
+        inject: str | None = None,
+        noise: bool | Mapping[str, float] = True,
     ) -> list[Recording]:
         """Play `signal` once a seed."""
         inject = injection_of(self.name, self.injections, inject)
@@ -170,14 +177,24 @@ class LinearPlant:
             columns = [r, *columns] if outside else columns
             recordings.append(
                 Recording(
-                    time_s=np.arange(len(r)) * self.dt, values=np.hstack(columns), channels=channels, dt=self.dt,
-                    settings=self.injections[inject].settings, default="plant", period=period, loop=self._loop(inject),
+                    time_s=np.arange(len(r)) * self.dt,
+                    values=np.hstack(columns),
+                    channels=channels,
+                    dt=self.dt,
+                    settings=self.injections[inject].settings,
+                    default="plant",
+                    period=period,
+                    loop=self._loop(inject),
                     source={
-                        "plant": self.name, "preset": self.preset, "parameters": self.values(), "inject": inject,
-                        "noise": levels, "seed": seed,
+                        "plant": self.name,
+                        "preset": self.preset,
+                        "parameters": self.values(),
+                        "inject": inject,
+                        "noise": levels,
+                        "seed": seed,
                     },
                 )
-            )  # fmt: skip
+            )
         return recordings
 
     def values(self) -> dict[str, Any]:
@@ -207,12 +224,14 @@ def draw(
     noise, start = np.empty((len(seeds), count, sum(sources.values()))), np.empty((len(seeds), initial))
     for i, seed in enumerate(seeds):
         *streams, last = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(len(sources) + 1))
-        noise[i] = np.hstack([
-            np.zeros((count, 0)),
-            *(
-                stream.standard_normal((count, width)) if levels[name] else np.zeros((count, width))
-                for stream, (name, width) in zip(streams, sources.items(), strict=True)
-            ),
-        ])  # fmt: skip
+        noise[i] = np.hstack(
+            [
+                np.zeros((count, 0)),
+                *(
+                    stream.standard_normal((count, width)) if levels[name] else np.zeros((count, width))
+                    for stream, (name, width) in zip(streams, sources.items(), strict=True)
+                ),
+            ]
+        )
         start[i] = last.standard_normal(initial)
     return noise, start

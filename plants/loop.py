@@ -66,7 +66,9 @@ def interconnect(plant: Dynamics, feedback: Feedback | None) -> StateSpaceModel:
     if feedback is None:
         radius = np.abs(la.eigvals(plant.A)).max(initial=0.0)
         if radius > 1 + GROWTH:
-            raise ExciteError(f"the plant is unstable in open loop (spectral radius {radius:.6g}); run it in closed loop")
+            raise ExciteError(
+                f"the plant is unstable in open loop (spectral radius {radius:.6g}); run it in closed loop"
+            )
         D = np.block([[np.eye(nu), np.zeros((nu, nw))], [plant.D, plant.H]])
         C = np.vstack([np.zeros((nu, nx)), plant.C])
         return StateSpaceModel(plant.A, np.hstack([plant.B, plant.G]), C, D, 1.0)
@@ -114,9 +116,14 @@ def _root(P: np.ndarray) -> np.ndarray:
 
 
 def play(
-    plant: Dynamics, feedback: Feedback | None, elements: tuple[Element, ...], loop: StateSpaceModel,
-    reference: np.ndarray, noise: np.ndarray, x0: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    plant: Dynamics,
+    feedback: Feedback | None,
+    elements: tuple[Element, ...],
+    loop: StateSpaceModel,
+    reference: np.ndarray,
+    noise: np.ndarray,
+    x0: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return u, v (R, N, nu) and y (R, N, ny) of R runs for one reference [r1, r2] (N, ·).
 
     loop : `interconnect` of the plant and its feedback; noise (R, N, nw), x0 (R, loop.order).
@@ -152,8 +159,13 @@ def _superpose(loop: StateSpaceModel, reference: np.ndarray, noise: np.ndarray, 
 
 
 def _step(
-    plant: Dynamics, feedback: Feedback, elements: tuple[Element, ...], reference: np.ndarray, noise: np.ndarray, x0: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    plant: Dynamics,
+    feedback: Feedback,
+    elements: tuple[Element, ...],
+    reference: np.ndarray,
+    noise: np.ndarray,
+    x0: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sample by sample, all runs at once; what the loop does not feed back is worked out before and after it."""
     c, sign, S = feedback.controller, feedback.sign, np.eye(len(plant.C))[list(feedback.measured)]
     nx, nu = plant.B.shape

@@ -66,7 +66,12 @@ class Plant(Protocol):
         ...
 
     def run_many(
-        self, signal: Signal, *, seeds: Sequence[int], inject: str | None = None, noise: bool | Mapping[str, float] = True
+        self,
+        signal: Signal,
+        *,
+        seeds: Sequence[int],
+        inject: str | None = None,
+        noise: bool | Mapping[str, float] = True,
     ) -> list[Recording]:
         """Play the signal once a seed; each recording equals `run` with that seed."""
         ...

@@ -295,9 +295,17 @@ def _setting_result(scenario: Scenario, spec: SettingSpec, rule: Horizons, folde
             rows.append(_row(m.name, n, method.closed_loop, estimates, scores, scenario.rank_by))
     rows.sort(key=lambda row: row.rank_value)
     return SettingResult(
-        spec, judge.validation[0].dt, rule, scenario.horizons_s, judge.truth, judge.band,
-        None if judge.truth is None else judge(judge.truth.model), judge.validation[0], judge.clean[0], tuple(rows),
-    )  # fmt: skip
+        spec,
+        judge.validation[0].dt,
+        rule,
+        scenario.horizons_s,
+        judge.truth,
+        judge.band,
+        None if judge.truth is None else judge(judge.truth.model),
+        judge.validation[0],
+        judge.clean[0],
+        tuple(rows),
+    )
 
 
 def _outcome(path: Path) -> tuple[Estimate | None, Score]:
@@ -323,7 +331,9 @@ def _row(
 def to_json(result: RunResult) -> dict[str, Any]:
     """Return what `excite run --json` prints and scores.json holds."""
     return {
-        "schema_version": 1, "scenario": result.scenario.name, "folder": str(result.folder),
+        "schema_version": 1,
+        "scenario": result.scenario.name,
+        "folder": str(result.folder),
         "certificate": {name: c.to_dict() for name, c in result.certificates.items()},
         "warnings": result.warnings,
         "settings": {s.spec.name: _setting_json(s) for s in result.settings},
@@ -331,23 +341,31 @@ def to_json(result: RunResult) -> dict[str, Any]:
             {"expectation": f"{e.key} {e.comparison} {e.bound:g}", "value": value, "met": met}
             for e, value, met in result.expectations
         ],
-    }  # fmt: skip
+    }
 
 
 def _setting_json(setting: SettingResult) -> dict[str, Any]:
     return {
-        "dt": setting.dt, "decimation": setting.horizons.every, "past": setting.horizons.past,
-        "future": setting.horizons.future, "rule": setting.horizons.notes, "band_hz": setting.band_hz,
+        "dt": setting.dt,
+        "decimation": setting.horizons.every,
+        "past": setting.horizons.past,
+        "future": setting.horizons.future,
+        "rule": setting.horizons.notes,
+        "band_hz": setting.band_hz,
         "truth_kind": setting.truth and setting.truth.kind,
         "predictor_spectral_radius": setting.predictor_radius,
         "floor": setting.floor,
         "truth": setting.truth_score and setting.truth_score.values,
         "ranking": [
             {
-                "rank": i + 1, "method": row.method, "order": row.order, "consistent_in_closed_loop": row.closed_loop,
-                "rank_value": row.rank_value, "reason": row.reason,
+                "rank": i + 1,
+                "method": row.method,
+                "order": row.order,
+                "consistent_in_closed_loop": row.closed_loop,
+                "rank_value": row.rank_value,
+                "reason": row.reason,
                 "metrics": {name: {k: stats[k] for k in STATISTICS} for name, stats in row.summary.items()},
             }
             for i, row in enumerate(setting.rows)
         ],
-    }  # fmt: skip
+    }

@@ -41,7 +41,10 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
     s = np.abs(continuous_poles(truth.poles, dt))
     moving = s[s * dt > INTEGRATOR] if (s * dt > INTEGRATOR).any() else np.array([1 / dt])
     slow, fast = moving.min(), moving.max()
-    notes = [f"slowest pole {slow:.2f} rad/s, fastest {fast:.1f} rad/s" + (", integrators aside" if len(moving) < len(s) else "")]
+    notes = [
+        f"slowest pole {slow:.2f} rad/s, fastest {fast:.1f} rad/s"
+        + (", integrators aside" if len(moving) < len(s) else "")
+    ]
     if decimate != "auto":
         every = decimate
         notes.append(f"decimation {every}, as the scenario says: dt {_ms(every * dt)}")
@@ -60,7 +63,11 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
     future = max(LEAST_ROWS, ceil(rows))
     notes.append(
         f"future {future} rows = {future * lifted.dt:.3g} s: "
-        + (f"{HORIZON:g} time constants of the slowest pole" if future > LEAST_ROWS else f"the least, {LEAST_ROWS} rows")
+        + (
+            f"{HORIZON:g} time constants of the slowest pole"
+            if future > LEAST_ROWS
+            else f"the least, {LEAST_ROWS} rows"
+        )
     )
     past = future
     if lifted.K is not None:

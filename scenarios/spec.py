@@ -111,7 +111,9 @@ def load_scenario(name_or_path: str, runs: int | None = None) -> Scenario:
     path, file, known = Path(name_or_path), name_or_path, shipped()
     if not path.is_file():
         if name_or_path not in known:
-            raise ExciteError(f"scenario '{name_or_path}' is neither a file nor shipped; {did_you_mean(name_or_path, known)}")
+            raise ExciteError(
+                f"scenario '{name_or_path}' is neither a file nor shipped; {did_you_mean(name_or_path, known)}"
+            )
         path, file = known[name_or_path], f"{name_or_path}.toml"
     try:
         source = tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -186,11 +188,25 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     expect = tuple(_expectation(key, value, table.place, names, methods) for key, value in table.values.items())
     top.done()
     scenario = Scenario(
-        name=name, seed=seed, description=description, plant=plant, noise=levels if (on and levels) else on,
-        inject=inject, excitation=excitation, settings=settings, methods=methods, estimation_runs=estimation_runs,
-        validation_runs=validation_runs, discard_s=discard_s, rank_by=rank_by, bands_hz=bands_hz, horizons_s=horizons_s,
-        expect=expect, source=source, file=file,
-    )  # fmt: skip
+        name=name,
+        seed=seed,
+        description=description,
+        plant=plant,
+        noise=levels if (on and levels) else on,
+        inject=inject,
+        excitation=excitation,
+        settings=settings,
+        methods=methods,
+        estimation_runs=estimation_runs,
+        validation_runs=validation_runs,
+        discard_s=discard_s,
+        rank_by=rank_by,
+        bands_hz=bands_hz,
+        horizons_s=horizons_s,
+        expect=expect,
+        source=source,
+        file=file,
+    )
     return scenario
 
 
@@ -205,7 +221,9 @@ def check_signal(scenario: Scenario, signal: Signal) -> None:
         )
     for i, horizon in enumerate(scenario.horizons_s):
         if horizon >= left_s:
-            raise ExciteError(f"{file}: score.horizons_s[{i}]: {horizon:g} s is beyond the {left_s:g} s of data; shorten it")
+            raise ExciteError(
+                f"{file}: score.horizons_s[{i}]: {horizon:g} s is beyond the {left_s:g} s of data; shorten it"
+            )
 
 
 def check_limits(scenario: Scenario, signal: Signal, place: str) -> None:
@@ -281,7 +299,9 @@ def _setting(table: TomlTable, plant: Plant, inject: str) -> SettingSpec:
         )
     # What enters the plant from outside is free of feedback; everything else in a closed loop depends on the outputs.
     outside = {c.name for c in plant.injections[inject].channels}
-    closed = any(roles.closed for roles in plant.injections[inject].settings.values()) and not outside.issuperset(given["inputs"])
+    closed = any(roles.closed for roles in plant.injections[inject].settings.values()) and not outside.issuperset(
+        given["inputs"]
+    )
     return SettingSpec(name, Roles(**given, closed=closed), False, decimate, coherence)
 
 
@@ -299,7 +319,9 @@ def _methods(table: TomlTable, settings: list[str]) -> list[MethodSpec]:
     chosen = [chosen] if isinstance(chosen, str) else chosen
     for setting in chosen or [""]:
         if setting not in settings:
-            raise ExciteError(f"{table.place}setting: {setting!r} is not defined; {did_you_mean(str(setting), settings)}")
+            raise ExciteError(
+                f"{table.place}setting: {setting!r} is not defined; {did_you_mean(str(setting), settings)}"
+            )
     with placed(f"{table.place}settings"):
         load_method(name, **options)
     return [MethodSpec(name, setting, tuple(orders or [order]), options, table.place.rstrip(".")) for setting in chosen]
@@ -323,7 +345,9 @@ def _score(table: TomlTable, settings: tuple[SettingSpec, ...]) -> tuple[tuple, 
     for setting in settings:
         band = bands.take(setting.name, list, None)
         if band is None and setting.coherence is not None:
-            raise ExciteError(f"{bands.place}{setting.name}: missing; coherence is judged over it, give [low, high] in Hz")
+            raise ExciteError(
+                f"{bands.place}{setting.name}: missing; coherence is judged over it, give [low, high] in Hz"
+            )
         if band is None:
             continue
         if len(band) != 2 or not all(is_a(f, NUMBER) for f in band) or not 0 < band[0] < band[1]:

@@ -8,8 +8,13 @@ from excite.errors import ExciteError, did_you_mean
 
 NUMBER = (int, float)
 _NAMES = {
-    str: "text", int: "a whole number", float: "a finite number", bool: "true or false", list: "a list", dict: "a table"
-}  # fmt: skip
+    str: "text",
+    int: "a whole number",
+    float: "a finite number",
+    bool: "true or false",
+    list: "a list",
+    dict: "a table",
+}
 
 
 class TomlTable:

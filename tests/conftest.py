@@ -51,7 +51,9 @@ def system():
 
     def build(n, seed=0):
         rng = np.random.default_rng(seed)
-        turns = [0.9 * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]]) for w in np.linspace(0.3, 2.6, n // 2)]
+        turns = [
+            0.9 * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]]) for w in np.linspace(0.3, 2.6, n // 2)
+        ]
         A = la.block_diag(*turns, *[[[0.7]]] * (n % 2))
         B, C, D = (rng.standard_normal(shape) for shape in ((n, 2), (3, n), (3, 2)))
         return StateSpaceModel(A, B, C, D, 1.0)

@@ -12,8 +12,12 @@ from plants.plant import list_plants, load_plant
 
 U = np.random.default_rng(0).choice([-1.0, 1.0], (300, 1))
 SIZES = {"actuator_quantum": 0.3, "actuator_saturation": 0.8, "actuator_rate": 0.5, "actuator_backlash": 0.2}
-ELEMENTS = {"actuator_quantum": Quantiser(0.3), "actuator_saturation": Saturation(-0.8, 0.8), "actuator_rate": RateLimit(0.5),
-            "actuator_backlash": Backlash(0.2)}  # fmt: skip
+ELEMENTS = {
+    "actuator_quantum": Quantiser(0.3),
+    "actuator_saturation": Saturation(-0.8, 0.8),
+    "actuator_rate": RateLimit(0.5),
+    "actuator_backlash": Backlash(0.2),
+}
 
 
 def stepped(elements, u):
@@ -52,12 +56,16 @@ def test_an_element_stands_in_front_of_a_plant_in_open_loop(key):
 def test_elements_stand_in_front_of_a_plant_in_closed_loop(name, inject):
     plant = load_plant(name, parameters={"actuator_saturation": 0.6, "actuator_rate": 0.3 / load_plant(name).dt})
     size = 1e-2 * np.array([high for _, high in plant.injections[inject].limits])
-    recording = plant.run(Signal(size * np.random.default_rng(1).choice([-1.0, 1.0], (400, len(size))), plant.dt), inject=inject)
+    recording = plant.run(
+        Signal(size * np.random.default_rng(1).choice([-1.0, 1.0], (400, len(size))), plant.dt), inject=inject
+    )
     names = tuple(c.name for c in plant.inputs)
     u, v = recording.columns(names), recording.columns(tuple(f"{n}_actual" for n in names))
     np.testing.assert_array_equal(v, actuate([Saturation(-0.6, 0.6), RateLimit(0.3)], u))
     assert np.abs(u - v).max() > 0.01
-    clean = plant.run(Signal(size * U[:, :1].repeat(len(size), 1), plant.dt), inject=inject, noise=False).experiment("plant")
+    clean = plant.run(Signal(size * U[:, :1].repeat(len(size), 1), plant.dt), inject=inject, noise=False).experiment(
+        "plant"
+    )
     np.testing.assert_allclose(plant.truth(None, "plant").model.simulate(clean.u[:100]), clean.y[:100], atol=1e-6)
 
 
@@ -75,7 +83,9 @@ def test_rates_are_per_second_and_sizes_may_differ_by_input():
 
 
 def test_what_has_no_small_signal_truth_has_no_response_setting():
-    smooth, rough = (load_plant("mercere_closed", parameters={key: 0.1}) for key in ("actuator_saturation", "actuator_quantum"))
+    smooth, rough = (
+        load_plant("mercere_closed", parameters={key: 0.1}) for key in ("actuator_saturation", "actuator_quantum")
+    )
     assert smooth.truth(None, "input_response").kind == "linearised" and smooth.truth(None, "plant").kind == "exact"
     assert all(set(place.settings) == {"plant"} for place in rough.injections.values())
 

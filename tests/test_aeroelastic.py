@@ -37,7 +37,9 @@ def excitation(preset, periods):
 def steps(preset, amplitude, samples=600):
     """Random binary commands, held for 10 samples."""
     rng = np.random.default_rng(3)
-    return Signal(amplitude * np.repeat(rng.choice([-1.0, 1.0], (samples // 10, len(plant(preset).inputs))), 10, axis=0), 0.01)
+    return Signal(
+        amplitude * np.repeat(rng.choice([-1.0, 1.0], (samples // 10, len(plant(preset).inputs))), 10, axis=0), 0.01
+    )
 
 
 def test_dryden_gust_has_its_variance_and_its_spectrum():
@@ -49,7 +51,9 @@ def test_dryden_gust_has_its_variance_and_its_spectrum():
     w = np.array([0.05, 0.5, 5.0, 50.0])
     H = np.array([(C @ la.solve(1j * each * np.eye(2) - A, B)).item() for each in w])
     LW = length * w / speed
-    np.testing.assert_allclose(np.abs(H) ** 2 / np.pi, length / np.pi / speed * (1 + 3 * LW**2) / (1 + LW**2) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.abs(H) ** 2 / np.pi, length / np.pi / speed * (1 + 3 * LW**2) / (1 + LW**2) ** 2, rtol=1e-12
+    )
 
 
 def test_sampled_noise_is_what_an_interval_gathers():
@@ -78,8 +82,11 @@ def test_poles_are_those_of_the_named_modes(preset):
     values = p.values()
     modes = [
         (2 * np.pi * values[f"{FAMILIES[s]}_{i}_frequency"], values[f"{FAMILIES[s]}_{i}_damping"])
-        for s in FAMILIES if f"{s}_travel" in values for i in range(1, 7) if f"{FAMILIES[s]}_{i}_damping" in values
-    ]  # fmt: skip
+        for s in FAMILIES
+        if f"{s}_travel" in values
+        for i in range(1, 7)
+        if f"{FAMILIES[s]}_{i}_damping" in values
+    ]
     s = np.array([w * (-z + 1j * np.sqrt(1 - z**2)) for w, z in modes])
     expected = np.exp(np.concatenate([s, s.conj()]) * p.dt)
     truth = p.truth(None, "position")
@@ -195,7 +202,9 @@ def test_gust_moves_input_and_output_alike_and_goes_on_while_r_rests():
         position, acceleration = data.u[resting, 0], recording.columns(("acc_left_8_mid",))[resting, 0]
         f, gamma2 = coherence(position, acceleration, fs=100, nperseg=1600)
         assert least <= gamma2[(f > 4) & (f < 20)].mean() <= most
-        assert (np.corrcoef(acceleration[1:], acceleration[:-1])[0, 1] > 0.5) == (least > 0)  # coloured by the gust alone
+        assert (np.corrcoef(acceleration[1:], acceleration[:-1])[0, 1] > 0.5) == (
+            least > 0
+        )  # coloured by the gust alone
 
 
 def test_noise_has_the_spectrum_of_the_stated_innovations():
@@ -234,7 +243,11 @@ def test_each_input_of_the_combined_experiment_moves_its_own_modes():
 
 def test_parameters_name_their_sources_and_wrong_ones_are_refused():
     for parameters in PRESETS.values():
-        assert all("assumption" in p.source for name, p in parameters.items() if name.endswith(("frequency", "damping", "pole")))
+        assert all(
+            "assumption" in p.source
+            for name, p in parameters.items()
+            if name.endswith(("frequency", "damping", "pole"))
+        )
     for count in (0.5, 95):
         with pytest.raises(ExciteError, match=f"'outputs': {count:g}.*from 1 to 94"):
             plant("flap", outputs=count)
@@ -242,7 +255,9 @@ def test_parameters_name_their_sources_and_wrong_ones_are_refused():
         plant("aileron", feedback_gain=30.0)
 
 
-@pytest.mark.parametrize("preset, inject", [("aileron", "plant_input"), ("aileron", "setpoint"), ("combined", "plant_input")])
+@pytest.mark.parametrize(
+    "preset, inject", [("aileron", "plant_input"), ("aileron", "setpoint"), ("combined", "plant_input")]
+)
 def test_other_presets_conform(preset, inject):
     p = plant(preset, outputs=12)
     for check in checks_of(p):

@@ -17,9 +17,9 @@ def run():
     """Two references; outputs of the first, of both, of noise alone, and one that never moves."""
     rng = np.random.default_rng(0)
     r, w = rng.standard_normal((2, 40_000, 2))
-    y = np.column_stack([
-        r[:, 0] + 0.5 * w[:, 0], lfilter([1], [1, -0.9], r[:, 0] + r[:, 1]) + 0.1 * w[:, 1], w[:, 1], np.ones(40_000)
-    ])  # fmt: skip
+    y = np.column_stack(
+        [r[:, 0] + 0.5 * w[:, 0], lfilter([1], [1, -0.9], r[:, 0] + r[:, 1]) + 0.1 * w[:, 1], w[:, 1], np.ones(40_000)]
+    )
     return Experiment(r[:, :1], y, dt=0.01, reference=r, outputs=["tip [m/s2]", "root", "cabin", "dead"])
 
 

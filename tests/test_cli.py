@@ -74,7 +74,10 @@ def flight(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flight")
     design = ("--order", "5", "--dt", "0.1", "--channels", "3", "--amplitude", "2,2,5")
     assert excite("design", "prbs", *design, "-o", folder / "played.csv")[0] == 0
-    assert excite("simulate", "quadrotor", "--input", folder / "played.csv", "--seed", "4", "-o", folder / "flight.npz")[0] == 0
+    assert (
+        excite("simulate", "quadrotor", "--input", folder / "played.csv", "--seed", "4", "-o", folder / "flight.npz")[0]
+        == 0
+    )
     return folder
 
 
@@ -217,10 +220,14 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)) * 8)
     (tmp_path / "folder.csv").mkdir()
     expected = {
-        "absent.csv": "no such file", "folder.csv": "is a folder", "empty.csv": "is empty", "binary.csv": "not a text file",
+        "absent.csv": "no such file",
+        "folder.csv": "is a folder",
+        "empty.csv": "is empty",
+        "binary.csv": "not a text file",
         "uneven.csv": "line 2 has 3 columns",
-        "inf.csv": "line 6, column 1 is infinite", "constant.csv": "input 'u1' is constant (3)",
-    }  # fmt: skip
+        "inf.csv": "line 6, column 1 is infinite",
+        "constant.csv": "input 'u1' is constant (3)",
+    }
     for name, text in expected.items():
         message = refused(*identify(tmp_path / name, "--order", 2))
         assert name in message and text in message
@@ -276,7 +283,10 @@ def test_arx_needs_an_order(data):
     assert "give the order" in refused(*identify(data, method="arx"))
 
 
-WITHOUT_NOISE_MODEL = {"cobra", "io_realization"}  # shift invariance of outputs or covariances says nothing of the noise
+WITHOUT_NOISE_MODEL = {
+    "cobra",
+    "io_realization",
+}  # shift invariance of outputs or covariances says nothing of the noise
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if method_class(name).consumes != "time series"])
@@ -341,9 +351,12 @@ def test_outputs_that_cannot_be_written_are_refused_before_any_work(data, tmp_pa
 
     monkeypatch.setattr("identify.method.Method.fit", never)
     for out, text in (
-        ("", "is a folder"), (tmp_path, "is a folder"), (tmp_path / "no" / "m.json", "there is no folder"),
-        (data / "m.json", "there is no folder"), (data, "would overwrite what is read"),
-    ):  # fmt: skip
+        ("", "is a folder"),
+        (tmp_path, "is a folder"),
+        (tmp_path / "no" / "m.json", "there is no folder"),
+        (data / "m.json", "there is no folder"),
+        (data, "would overwrite what is read"),
+    ):
         assert text in refused(*identify(data, "--order", "2", "-o", out))
     assert [p.name for p in tmp_path.iterdir()] == ["data.csv"]
 
@@ -395,13 +408,19 @@ def load_period(folder):
 
 
 def test_check_of_silence_is_strict_json(tmp_path):
-    code, out, _ = excite("check", write(tmp_path / "zero.csv", np.zeros((40, 1))), "--inputs", "0", "--dt", "1", "--json")
+    code, out, _ = excite(
+        "check", write(tmp_path / "zero.csv", np.zeros((40, 1))), "--inputs", "0", "--dt", "1", "--json"
+    )
     assert code == 0 and strict(out)["order"] == 0 and strict(out)["condition"] is None
 
 
 def test_check_takes_our_recordings(flight):
     code, out, _ = excite("check", flight / "flight.npz", "--json")
-    assert code == 0 and [c.split(" ")[0] for c in strict(out)["channels"]] == ["thrust_roll", "thrust_pitch", "thrust_yaw"]
+    assert code == 0 and [c.split(" ")[0] for c in strict(out)["channels"]] == [
+        "thrust_roll",
+        "thrust_pitch",
+        "thrust_yaw",
+    ]
 
 
 def test_design_prints_what_it_writes(tmp_path):
@@ -416,14 +435,23 @@ def test_design_prints_what_it_writes(tmp_path):
 @pytest.mark.parametrize(
     ("more", "text"),
     [
-        (["--order", "1"], "order: 1"), (["--order", "five"], "order: 'five'"), (["--dt", "0"], "dt: 0"),
-        (["--order", "33"], "orders from 2 to 32"), (["--order", "32"], "exceed"), (["--amplitude", "-1"], "amplitude: -1"),
-        (["--amplitude", "1,2"], "amplitude: [1, 2]"), (["--channels", "0"], "channels: 0"), (["--seed", "-1"], "seed: -1"),
-        (["--periods", "1", "--duration-s", "3"], "give one of the two"), (["--ordr", "4"], "--order"),
-        (["--block-rows", "0"], "'--block-rows'"), (["-o", "signal.xyz"], "extension '.xyz'"), (["-o", "signal"], "extension ''"),
+        (["--order", "1"], "order: 1"),
+        (["--order", "five"], "order: 'five'"),
+        (["--dt", "0"], "dt: 0"),
+        (["--order", "33"], "orders from 2 to 32"),
+        (["--order", "32"], "exceed"),
+        (["--amplitude", "-1"], "amplitude: -1"),
+        (["--amplitude", "1,2"], "amplitude: [1, 2]"),
+        (["--channels", "0"], "channels: 0"),
+        (["--seed", "-1"], "seed: -1"),
+        (["--periods", "1", "--duration-s", "3"], "give one of the two"),
+        (["--ordr", "4"], "--order"),
+        (["--block-rows", "0"], "'--block-rows'"),
+        (["-o", "signal.xyz"], "extension '.xyz'"),
+        (["-o", "signal"], "extension ''"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)  # fmt: skip
+)
 def test_bad_designs_are_refused_and_nothing_is_written(more, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert text in refused("design", "prbs", "--order", "4", "--dt", "0.1", "-o", "signal.csv", *more)
@@ -509,7 +537,9 @@ def test_score_against_the_plants_truth(flight, tmp_path):
     values = strict(out)["values"]
     assert code == 0 and values["fit_one_step"] > 50 and 0 < values["frf_error_h2"] < 10
     assert (values["poles_missing"], values["poles_surplus"]) == (2, 0)  # three lags of three outputs against 11 states
-    assert "pole_error_max" not in strict(excite("score", model, flight / "flight.npz", *setting, "--json")[1])["values"]
+    assert (
+        "pole_error_max" not in strict(excite("score", model, flight / "flight.npz", *setting, "--json")[1])["values"]
+    )
     code, out, _ = excite("score", model, flight / "flight.npz", *setting, "--truth", "auto")
     assert code == 0 and "frf_error_h2" in out
     assert "dt 0.02 s, the record 0.004 s" in refused("score", model, flight / "flight.npz", "--setting", "attitude")
@@ -523,9 +553,16 @@ def test_score_refusals(data, tmp_path):
     assert "not a recording" in refused("score", model, data, *ROLES, "--truth", "auto")
     assert "the record 0.2 s" in refused("score", model, data, *ROLES[:4], "--dt", "0.2")
     wide = write(tmp_path / "wide.csv", np.hstack([samples(), samples(seed=1)]))
-    assert "1 outputs, the record 2" in refused("score", model, wide, "--inputs", "0", "--outputs", "1,3", "--dt", "0.1")
+    assert "1 outputs, the record 2" in refused(
+        "score", model, wide, "--inputs", "0", "--outputs", "1,3", "--dt", "0.1"
+    )
     broken = tmp_path / "broken.json"
-    texts = {"": "not valid JSON", "[1]": "a JSON list, not a model", "{}": "key 'kind' is missing", '{"kind": "fir"}': "'fir'"}
+    texts = {
+        "": "not valid JSON",
+        "[1]": "a JSON list, not a model",
+        "{}": "key 'kind' is missing",
+        '{"kind": "fir"}': "'fir'",
+    }
     for text, message in texts.items():
         broken.write_text(text)
         got = refused("score", broken, data, *ROLES)
@@ -630,5 +667,7 @@ def test_orders_that_cannot_be_fitted_are_refused_or_listed(data):
 def test_only_flights_are_filmed_and_into_gif_files(flight, tmp_path):
     argv = ("simulate", "quadrotor", "--input", flight / "played.csv", "-o", tmp_path / "f.npz")
     assert "ends in .gif" in refused(*argv, "--clip", tmp_path / "f.mp4")
-    assert "only flights of the quadrotor" in refused(*(a if a != "quadrotor" else "goland" for a in argv), "--clip", "f.gif")
+    assert "only flights of the quadrotor" in refused(
+        *(a if a != "quadrotor" else "goland" for a in argv), "--clip", "f.gif"
+    )
     assert not list(tmp_path.iterdir())

@@ -68,7 +68,9 @@ def test_export_shapes_to_the_limits_and_certifies_what_is_played(loud):
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(amplitude=st.floats(0.5, 5.0), rate=st.floats(20.0, 200.0), fmt=st.sampled_from(["csv", "npz", "wav", "c_header"]))
+@given(
+    amplitude=st.floats(0.5, 5.0), rate=st.floats(20.0, 200.0), fmt=st.sampled_from(["csv", "npz", "wav", "c_header"])
+)
 def test_limits_are_never_exceeded_after_export(loud, amplitude, rate, fmt):
     extension = {"csv": ".csv", "npz": ".npz", "wav": ".wav", "c_header": ".h"}[fmt]
     (loud / "free.toml").write_text(f"amplitude = {amplitude!r}\nrate = {rate!r}\n")

@@ -37,7 +37,9 @@ def test_covariances_are_the_sums_over_common_instants(lengths, lags):
     before, after = max(0, -lags[0]), max(0, lags[1])
     instants = [(w, xi, range(before, len(w) - after)) for w, xi in pairs if len(w) > before + after]
     count = sum(len(t) for *_, t in instants)
-    expected = [sum(w[np.add(t, tau)].T @ xi[t] for w, xi, t in instants) / count for tau in range(lags[0], lags[1] + 1)]
+    expected = [
+        sum(w[np.add(t, tau)].T @ xi[t] for w, xi, t in instants) / count for tau in range(lags[0], lags[1] + 1)
+    ]
     np.testing.assert_allclose(cross_covariance(pairs, *lags), expected, atol=1e-13)
 
 
@@ -115,18 +117,15 @@ def runs_5_1(cases):
 
 
 @pytest.mark.parametrize(
-    ("lags", "bias", "distance"),
-    [((0, 45), 0.083, 0.122), ((-10, 35), 0.053, 0.086), ((-20, 25), 0.026, 0.051)],
+    ("lags", "bias", "distance"), [((0, 45), 0.083, 0.122), ((-10, 35), 0.053, 0.086), ((-20, 25), 0.026, 0.051)]
 )
 def test_example_5_1(runs_5_1, lags, bias, distance):
-    poles = np.array([
-        fit(run, "cobra", 2, block_rows=18, first_lag=lags[0], last_lag=lags[1]).model.poles() for run in runs_5_1
-    ])  # fmt: skip
+    poles = np.array(
+        [fit(run, "cobra", 2, block_rows=18, first_lag=lags[0], last_lag=lags[1]).model.poles() for run in runs_5_1]
+    )
     upper = poles[np.arange(200), np.argmax(poles.imag, axis=1)]
     assert abs(upper.mean() - POLE) <= 1.15 * bias
-    worst = np.minimum(
-        np.abs(poles - [POLE, POLE.conjugate()]).max(1), np.abs(poles - [POLE.conjugate(), POLE]).max(1)
-    )  # fmt: skip
+    worst = np.minimum(np.abs(poles - [POLE, POLE.conjugate()]).max(1), np.abs(poles - [POLE.conjugate(), POLE]).max(1))
     assert np.median(worst) <= 1.15 * distance
 
 
@@ -151,12 +150,15 @@ def noisy_input_run(seed, samples):
 def test_noise_on_the_measured_input_needs_the_reference():
     poles = np.roots([1, -1.4, 0.85])
     error = {
-        (instrument, samples): np.median([
-            pole_error(fit(noisy_input_run(seed, samples), "cobra", 2, instrument=instrument).model, poles)
-            for seed in range(10)
-        ])
-        for instrument in ("inputs", "reference") for samples in (2000, 32_000)
-    }  # fmt: skip
+        (instrument, samples): np.median(
+            [
+                pole_error(fit(noisy_input_run(seed, samples), "cobra", 2, instrument=instrument).model, poles)
+                for seed in range(10)
+            ]
+        )
+        for instrument in ("inputs", "reference")
+        for samples in (2000, 32_000)
+    }
     assert error["reference", 32_000] < 0.4 * error["reference", 2000]
     assert error["inputs", 32_000] > 3 * error["reference", 32_000]
 

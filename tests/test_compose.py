@@ -29,7 +29,7 @@ BASES = {
     "doublet": (multistep, {"dt": DT, "unit_s": 0.3}),
     "staircase": (multistep, {"form": "staircase", "dt": DT, "unit_s": 0.3}),
     "rest": (rest, {"dt": DT, "duration_s": 0.3}),
-}  # fmt: skip
+}
 FORMS = ("white", "binary", "log", "linear", "stepped", "pulse", "step", "shift", "hadamard", "sequences")
 
 
@@ -52,8 +52,11 @@ def round_trip(signal):
     again = regenerate(json.loads(json.dumps(dict(signal.recipe), allow_nan=False)))
     assert again.u.tobytes() == signal.u.tobytes()
     assert (again.dt, again.channels, again.period, again.recipe) == (
-        signal.dt, signal.channels, signal.period, signal.recipe,
-    )  # fmt: skip
+        signal.dt,
+        signal.channels,
+        signal.period,
+        signal.recipe,
+    )
 
 
 @settings(max_examples=30, deadline=None)
@@ -112,7 +115,9 @@ def test_ramps(index, up, down, trim):
 def test_compositions_nest():
     axes = [prbs(4, dt=DT, channels=f"{axis} [deg]", seed=seed) for seed, axis in enumerate("pqr")]
     flight = with_ramps(
-        in_sequence([side_by_side(axes), rest(dt=DT, duration_s=1, channels=[c for a in axes for c in a.channels])], rest_s=0.5),
+        in_sequence(
+            [side_by_side(axes), rest(dt=DT, duration_s=1, channels=[c for a in axes for c in a.channels])], rest_s=0.5
+        ),
         up_s=0.4,
     )
     assert flight.channels == (Channel("p", "deg"), Channel("q", "deg"), Channel("r", "deg"))
@@ -138,12 +143,17 @@ def test_warnings_travel():
 
 toml = st.recursive(
     st.one_of(
-        st.booleans(), st.integers(), st.integers(-2, 9), st.floats(), st.floats(0, 9), st.text(max_size=5),
+        st.booleans(),
+        st.integers(),
+        st.integers(-2, 9),
+        st.floats(),
+        st.floats(0, 9),
+        st.text(max_size=5),
         st.sampled_from([10**400, -(10**30), 1e-320, 1e305, *FORMS]),
     ),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
     max_leaves=4,
-)  # fmt: skip
+)
 
 
 @settings(max_examples=400, deadline=None)
@@ -167,7 +177,10 @@ a, b, slow = prbs(3, dt=DT), prbs(4, dt=DT), prbs(3, dt=0.2)
 @pytest.mark.parametrize(
     ("compose", "message"),
     [
-        (lambda: in_sequence([a, slow]), "in_sequence: signals[1].dt: 0.2; signals[0] has dt = 0.1 s; bring both to one dt"),
+        (
+            lambda: in_sequence([a, slow]),
+            "in_sequence: signals[1].dt: 0.2; signals[0] has dt = 0.1 s; bring both to one dt",
+        ),
         (lambda: side_by_side([a, slow], channels=2), "side_by_side: signals[1].dt: 0.2;"),
         (lambda: side_by_side([a, b], channels=2), "side_by_side: signals[0]: 7; the longest has 15 samples"),
         (lambda: side_by_side([a, a]), "side_by_side: channels: ['u1', 'u1']; some names meet twice"),
@@ -176,7 +189,10 @@ a, b, slow = prbs(3, dt=DT), prbs(4, dt=DT), prbs(3, dt=0.2)
         (lambda: in_sequence([]), "in_sequence: signals: []; give at least one Signal, in a list"),
         (lambda: in_sequence(a), "in_sequence: signals: 'Signal'; give at least one Signal, in a list"),
         (lambda: in_sequence([a, 3]), "in_sequence: signals: ['Signal', 'int']; give at least one Signal"),
-        (lambda: in_sequence([a, prbs(3, dt=DT, channels="x")]), "in_sequence: signals[1]: 'x'; signals[0] has the channels u1"),
+        (
+            lambda: in_sequence([a, prbs(3, dt=DT, channels="x")]),
+            "in_sequence: signals[1]: 'x'; signals[0] has the channels u1",
+        ),
         (lambda: in_sequence([a, a], rest_s=-1), "in_sequence: rest_s: -1; give a number of seconds, 0 for none"),
         (lambda: in_sequence([a, a], rest_s=1e9), "exceed 200000000 values"),
         (lambda: in_sequence([a], trim=float("nan")), "in_sequence: trim: nan; every trim must be finite"),

@@ -47,5 +47,7 @@ def digests():
 
 def test_another_process_gives_the_same_bits():
     script = "import sys; sys.path.insert(0, sys.argv[1]); from test_conformance import digests; print(digests())"
-    run = subprocess.run([sys.executable, "-c", script, str(Path(__file__).parent)], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", script, str(Path(__file__).parent)], capture_output=True, text=True, check=True
+    )
     assert run.stdout.strip() == str(digests())

@@ -25,9 +25,13 @@ from excite.types.experiment import Experiment
 from excite.types.signal import Signal
 
 TOP = {
-    "wav": 2**23 - 1, "c_header": 2**15 - 1, "keysight": 2**15 - 1, "rigol": 2**15 - 1, "rigol_raf": 2**13 - 1,
+    "wav": 2**23 - 1,
+    "c_header": 2**15 - 1,
+    "keysight": 2**15 - 1,
+    "rigol": 2**15 - 1,
+    "rigol_raf": 2**13 - 1,
     "siglent": 2**15 - 1,
-}  # fmt: skip
+}
 ONE_CHANNEL = [name for name, given in FORMATS.items() if given.one_channel]
 CHANNELS = [Channel("flap", "deg"), Channel('say "hi"; \\n */ #include <x>??/', "m/s²"), Channel("ä [1]", "°")]
 

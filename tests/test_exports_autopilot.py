@@ -47,9 +47,14 @@ def test_ardupilot_parameters(tmp_path):
     export(autopilot_sweep("ardupilot"), "ardupilot", tmp_path / "s.parm")
     lines = (tmp_path / "s.parm").read_text().splitlines()
     assert lines[0].startswith("#") and lines[1:] == [
-        "SID_AXIS,7", "SID_MAGNITUDE,15", "SID_F_START_HZ,0.5", "SID_F_STOP_HZ,40", "SID_T_FADE_IN,15",
-        "SID_T_REC,69.9974976", "SID_T_FADE_OUT,2",
-    ]  # fmt: skip
+        "SID_AXIS,7",
+        "SID_MAGNITUDE,15",
+        "SID_F_START_HZ,0.5",
+        "SID_F_STOP_HZ,40",
+        "SID_T_FADE_IN,15",
+        "SID_T_REC,69.9974976",
+        "SID_T_FADE_OUT,2",
+    ]
     sidecar(tmp_path / "s.parm").unlink()
     alone = load_signal(tmp_path / "s.parm")
     assert alone.dt == 0.0025 and alone.channels == (Channel("roll", "deg/s"),)
@@ -61,16 +66,28 @@ def test_px4_parameters(tmp_path):
     rows = [line.split("\t") for line in (tmp_path / "s.params").read_text().splitlines()[1:]]
     assert all(row[:2] == ["1", "1"] for row in rows)
     assert {row[2]: (float(row[3]), row[4]) for row in rows} == {
-        "FW_AT_AXES": (1, "6"), "FW_AT_SYSID_F0": (1, "9"), "FW_AT_SYSID_F1": (20, "9"), "FW_AT_APPLY": (0, "6"),
-        "FW_AT_SYSID_TIME": (pytest.approx(19.9975), "9"), "FW_AT_SYSID_TYPE": (2, "6"),
-    }  # fmt: skip
+        "FW_AT_AXES": (1, "6"),
+        "FW_AT_SYSID_F0": (1, "9"),
+        "FW_AT_SYSID_F1": (20, "9"),
+        "FW_AT_APPLY": (0, "6"),
+        "FW_AT_SYSID_TIME": (pytest.approx(19.9975), "9"),
+        "FW_AT_SYSID_TYPE": (2, "6"),
+    }
 
 
 @pytest.mark.parametrize(
     ("name", "axis"),
-    [("roll [deg]", 1), ("pitch [deg]", 2), ("yaw [deg]", 3), ("Pitch rate [deg/s]", 8), ("yaw_rate [deg/s]", 9),
-     ("roll", 10), ("pitch [1]", 11), ("throttle", 13)],
-)  # fmt: skip
+    [
+        ("roll [deg]", 1),
+        ("pitch [deg]", 2),
+        ("yaw [deg]", 3),
+        ("Pitch rate [deg/s]", 8),
+        ("yaw_rate [deg/s]", 9),
+        ("roll", 10),
+        ("pitch [1]", 11),
+        ("throttle", 13),
+    ],
+)
 def test_ardupilot_axes(tmp_path, name, axis):
     export(autopilot_sweep("ardupilot", channels=[name], amplitude=0.5), "ardupilot", tmp_path / "s.parm")
     assert f"SID_AXIS,{axis}\n" in (tmp_path / "s.parm").read_text()
@@ -80,19 +97,28 @@ def test_ardupilot_axes(tmp_path, name, axis):
     ("fmt", "changes", "message"),
     [
         ("ardupilot", {"dwell_cycles": 0}, "a sweep of form log with dwell_cycles = 2 .* says .*'dwell_cycles': 0"),
-        ("ardupilot", {"form": "linear"}, "says .*'form': 'linear'"), ("ardupilot", {"offset": 1.0}, r"'offset': \[1.0\]"),
+        ("ardupilot", {"form": "linear"}, "says .*'form': 'linear'"),
+        ("ardupilot", {"offset": 1.0}, r"'offset': \[1.0\]"),
         ("ardupilot", {"fade_out_s": 6}, "fade_out_s = 6, but SID_T_FADE_OUT of ArduPilot takes 0 to 5"),
-        ("ardupilot", {"duration_s": 256, "dt": 0.01}, "duration_s = 255.99, but SID_T_REC of ArduPilot takes 0 to 255"),
+        (
+            "ardupilot",
+            {"duration_s": 256, "dt": 0.01},
+            "duration_s = 255.99, but SID_T_REC of ArduPilot takes 0 to 255",
+        ),
         ("ardupilot", {"channels": ["flap [deg]"]}, r"channel 'flap \[deg\]' is no axis that ArduPilot sweeps"),
         ("ardupilot", {"channels": ["roll [rad]"]}, r"name the channel one of: roll \[deg\], "),
         ("ardupilot", {"channels": 2}, "2 channels, but ArduPilot sweeps one axis a flight"),
-        ("ardupilot", {"channels": ["roll"], "amplitude": 1.5}, "amplitude 1.5 of a mixer output; ArduPilot takes 0 to 1"),
+        (
+            "ardupilot",
+            {"channels": ["roll"], "amplitude": 1.5},
+            "amplitude 1.5 of a mixer output; ArduPilot takes 0 to 1",
+        ),
         ("px4", {"fade_in_s": 1}, r"fades of \[1.0, 0.0\] s, but PX4 plays none"),
         ("px4", {"stop_hz": 40}, "stop_hz = 40, but FW_AT_SYSID_F1 of PX4 takes 0.1 to 30"),
         ("px4", {"duration_s": 4}, "duration_s = 3.9975, but FW_AT_SYSID_TIME of PX4 takes 5 to 120"),
         ("px4", {"channels": ["roll [deg]"]}, "is no axis that PX4 sweeps"),
     ],
-)  # fmt: skip
+)
 def test_what_an_autopilot_cannot_play_is_refused(tmp_path, fmt, changes, message):
     with pytest.raises(ExciteError, match=message):
         export(autopilot_sweep(fmt, **changes), fmt, tmp_path / "s")

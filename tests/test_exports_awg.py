@@ -40,9 +40,24 @@ def test_siglent_is_int16(tmp_path):
 def test_keysight_text(tmp_path):
     export(ramp(), "keysight", tmp_path / "k.arb")
     assert (tmp_path / "k.arb").read_text().splitlines() == [
-        "File Format:1.10", "Checksum:0", "Channel Count:1", "Sample Rate:1000", "High Level:2.0", "Low Level:-2.0",
-        'Data Type:"short"', "Data Points:8", "Data:", "0", "32767", "-32767", "16384", "-16384", "0", "8192", "32767",
-    ]  # fmt: skip
+        "File Format:1.10",
+        "Checksum:0",
+        "Channel Count:1",
+        "Sample Rate:1000",
+        "High Level:2.0",
+        "Low Level:-2.0",
+        'Data Type:"short"',
+        "Data Points:8",
+        "Data:",
+        "0",
+        "32767",
+        "-32767",
+        "16384",
+        "-16384",
+        "0",
+        "8192",
+        "32767",
+    ]
     sidecar(tmp_path / "k.arb").unlink()
     np.testing.assert_allclose(load_signal(tmp_path / "k.arb").u, ramp().u, atol=2 / 32767)
 
@@ -74,13 +89,14 @@ def test_a_foreign_keysight_file_with_offset_and_float_data(tmp_path):
     [
         "Sample Rate:1\nHigh Level:1\nLow Level:-1\nData Points:3\nData:\n1\n2\n",
         "Sample Rate:1\nHigh Level:1\nLow Level:-1\nData Points:1\nData:\nx\n",
-        "Sample Rate:1\nHigh Level:1\nData Points:1\nData:\n1\n", "Data:\n1\n2\n",
+        "Sample Rate:1\nHigh Level:1\nData Points:1\nData:\n1\n",
+        "Data:\n1\n2\n",
         "Sample Rate:0\nHigh Level:1\nLow Level:-1\nData Points:1\nData:\n1\n",
         "Sample Rate:1\nHigh Level:-1\nLow Level:1\nData Points:1\nData:\n1\n",
         "Sample Rate:1\nHigh Level:1\nLow Level:-1\nData Points:1\nData:\n99999\n",
         "Sample Rate:1\nHigh Level:nan\nLow Level:-1\nData Points:1\nData:\n1\n",
     ],
-)  # fmt: skip
+)
 def test_damaged_keysight_files(tmp_path, text):
     (tmp_path / "k.arb").write_text("File Format:1.10\n" + text)
     with pytest.raises(ExciteError, match=r"k\.arb: "):

@@ -63,9 +63,20 @@ def test_table_without_thrust_names_the_remedy(tmp_path):
 
 @pytest.mark.parametrize(
     ("dt", "hold", "sent"),
-    [(0.01, 1, 0.01), (0.02, 1, 0.02), (0.015, 1, 0.015), (0.1, 1, 0.02), (0.05, 1, 0.05 / 3), (0.0205, 1, 0.01025),
-     (0.002, 10, 0.02), (0.001, 15, 0.015), (0.005, 2, 0.01), (0.005, 20, 0.02), (1 / 300, 4, 4 / 300)],
-)  # fmt: skip
+    [
+        (0.01, 1, 0.01),
+        (0.02, 1, 0.02),
+        (0.015, 1, 0.015),
+        (0.1, 1, 0.02),
+        (0.05, 1, 0.05 / 3),
+        (0.0205, 1, 0.01025),
+        (0.002, 10, 0.02),
+        (0.001, 15, 0.015),
+        (0.005, 2, 0.01),
+        (0.005, 20, 0.02),
+        (1 / 300, 4, 4 / 300),
+    ],
+)
 def test_held_signals_are_sent_at_50_to_100_hz_exactly(dt, hold, sent):
     original = prbs(order=5, dt=dt, hold=hold, amplitude=5, channels=["roll [deg]"], periods=4)
     played = setpoints(original)
@@ -80,7 +91,10 @@ def test_held_signals_are_sent_at_50_to_100_hz_exactly(dt, hold, sent):
     [
         ({"dt": 0.004}, r"dt = 0.004 s is finer than the 0.01 s of the radio.*design the signal with a dt of"),
         ({"u": [[40.0]] * 9}, r"channel roll: 40 to 40, but the Crazyflie's cap is -30 to 30"),
-        ({"channels": ["yaw rate [deg/s]"], "u": [[-201.0]] * 9}, "channel yawrate: -201 to -201, .* cap is -200 to 200"),
+        (
+            {"channels": ["yaw rate [deg/s]"], "u": [[-201.0]] * 9},
+            "channel yawrate: -201 to -201, .* cap is -200 to 200",
+        ),
         ({"channels": ["thrust"], "u": [[10000.0]] * 9}, "channel thrust: 10000 to 10000, .* cap is 10001 to 60000"),
         ({"channels": ["thrust"], "u": [[60001.0]] * 9}, "channel thrust: 60001 to 60001"),
         ({"channels": ["flap [deg]"]}, r"channel 'flap \[deg\]' is no set-point of a Crazyflie; it takes roll \[deg\]"),
@@ -89,7 +103,7 @@ def test_held_signals_are_sent_at_50_to_100_hz_exactly(dt, hold, sent):
         ({"channels": ["thrust", "thrust_offset"], "u": [[20000.0, 2.0]] * 9}, "name an axis twice"),
         ({"u": [[1.0]] * 9001}, "180.02 s, but a flight plays at most 180 s"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("fmt", ["crazyflie", "crazyflie_player"])
 def test_what_a_crazyflie_does_not_take_is_refused(tmp_path, fmt, changed, message):
     parts = {"u": [[1.0], [2.0], [1.0]], "dt": 0.02, "channels": ["roll [deg]"]} | changed
@@ -292,11 +306,14 @@ def test_an_error_while_flying_still_brings_it_down(tmp_path):
         ({"rows": [[0.0, 0.0, -201.0, 40000]]}, HOVER, "yawrate -201.0 is beyond 200"),
         ({"rows": [[0.0, 0.0, 0.0, 10000]]}, HOVER, "thrust 10000 is outside 10001 to 60000"),
         ({"rows": [[0.0, 0.0, 0.0, 30000]], "thrust": "offset"}, HOVER, "thrust 68000 is outside"),
-        ({"rows": []}, HOVER, "0.0 s"), ({"rows": [[0.0, 0.0, 0.0, 40000]] * 9001}, HOVER, "180.0 s; at most 180"),
-        ({"dt_s": 0.5}, HOVER, "dt of 0.5 s"), ({"dt_s": 0.001}, HOVER, "dt of 0.001 s"),
-        ({}, 10000, "--hover-thrust 10000: give 10001 to 60000"), ({}, 60001, "--hover-thrust 60001"),
+        ({"rows": []}, HOVER, "0.0 s"),
+        ({"rows": [[0.0, 0.0, 0.0, 40000]] * 9001}, HOVER, "180.0 s; at most 180"),
+        ({"dt_s": 0.5}, HOVER, "dt of 0.5 s"),
+        ({"dt_s": 0.001}, HOVER, "dt of 0.001 s"),
+        ({}, 10000, "--hover-thrust 10000: give 10001 to 60000"),
+        ({}, 60001, "--hover-thrust 60001"),
     ],
-)  # fmt: skip
+)
 def test_an_edited_plan_beyond_the_caps_never_flies(plan, hover, message):
     plan = {"dt_s": 0.02, "thrust": "absolute", "rows": [[0.0, 0.0, 0.0, 40000]]} | plan
     link = FakeLink()

@@ -54,32 +54,49 @@ def experiment(**changes):
     y = rng.standard_normal((50, 3)) * 10.0 ** rng.integers(-300, 300, (50, 3))
     y[3, 1], y[4, 0] = np.nan, -0.0
     parts = {
-        "u": rng.standard_normal((50, 2)), "y": y, "reference": rng.standard_normal(50), "dt": 1 / 3, "period": 25,
-        "inputs": ["flap [deg]", "tab"], "outputs": ["acc_1 [m/s2]", "acc_2", "flap"], "references": ["flap_ref [deg]"],
+        "u": rng.standard_normal((50, 2)),
+        "y": y,
+        "reference": rng.standard_normal(50),
+        "dt": 1 / 3,
+        "period": 25,
+        "inputs": ["flap [deg]", "tab"],
+        "outputs": ["acc_1 [m/s2]", "acc_2", "flap"],
+        "references": ["flap_ref [deg]"],
         "name": "flight 7",
-    }  # fmt: skip
+    }
     return Experiment(**parts | changes)
 
 
 def controller():
     return StateSpaceModel(
-        [[0.5, 1 / 3], [0, 0.1]], [[1], [-0.0]], [[1, 2]], [[0.7]], 0.01, K=[[0.1], [0.2]], innovation_cov=[[1e-300]],
-        inputs=["error [1]"], outputs=["motor"], input_offset=[0.1],
-    )  # fmt: skip
+        [[0.5, 1 / 3], [0, 0.1]],
+        [[1], [-0.0]],
+        [[1, 2]],
+        [[0.7]],
+        0.01,
+        K=[[0.1], [0.2]],
+        innovation_cov=[[1e-300]],
+        inputs=["error [1]"],
+        outputs=["motor"],
+        input_offset=[0.1],
+    )
 
 
 def recording(**changes):
     parts = {
-        "time_s": np.arange(40) * 0.01 + 0.3, "values": np.random.default_rng(2).standard_normal((40, 4)),
+        "time_s": np.arange(40) * 0.01 + 0.3,
+        "values": np.random.default_rng(2).standard_normal((40, 4)),
         "channels": (Channel("ref", "deg"), Channel("motor"), Channel("rate", "rad/s"), Channel("-temperature")),
-        "dt": 0.01, "period": 20, "default": "rates",
+        "dt": 0.01,
+        "period": 20,
+        "default": "rates",
         "settings": {
             "rates": Roles(("motor",), ("rate",), ("ref",), closed=True),
             "slow": Roles(("ref",), ("rate",), every=4),
         },
         "loop": Loop(closed=True, controller=controller(), sign=1, entry="plant input"),
         "source": {"plant": "quadrotor", "seed": 3, "parameters": {"mass_kg": 0.1}, "list": [1, "a", None, True]},
-    }  # fmt: skip
+    }
     return Recording(**parts | changes)
 
 
@@ -88,7 +105,9 @@ def recording(**changes):
 
 @pytest.mark.parametrize("extension", WRITTEN)
 def test_outputs_alone_come_back_without_an_input(extension, tmp_path):
-    saved = Experiment(None, np.random.default_rng(0).standard_normal((20, 2)), dt=0.1, outputs=["acc_1 [m/s2]", "acc_2"])
+    saved = Experiment(
+        None, np.random.default_rng(0).standard_normal((20, 2)), dt=0.1, outputs=["acc_1 [m/s2]", "acc_2"]
+    )
     save_experiment(saved, tmp_path / f"ambient{extension}")
     loaded = load_experiment(tmp_path / f"ambient{extension}")
     assert_same_experiment(loaded, saved)
@@ -120,12 +139,15 @@ def test_signal_round_trip(tmp_path, extension):
 @pytest.mark.parametrize(
     "changes",
     [
-        {}, {"reference": None, "references": None}, {"outputs": AWKWARD[:3], "inputs": AWKWARD[3:]},
-        {"dt": None, "time_s": np.logspace(-6, 3, 50)}, {"time_s": np.arange(50) / 3 + 17.3},
+        {},
+        {"reference": None, "references": None},
+        {"outputs": AWKWARD[:3], "inputs": AWKWARD[3:]},
+        {"dt": None, "time_s": np.logspace(-6, 3, 50)},
+        {"time_s": np.arange(50) / 3 + 17.3},
         {"u": np.ones(1), "y": np.ones((1, 3)), "inputs": None, "reference": None, "references": None},
     ],
     ids=["plain", "no reference", "awkward names", "log-spaced times", "late start", "one sample"],
-)  # fmt: skip
+)
 def test_experiment_round_trip(tmp_path, extension, changes):
     original = experiment(**changes)
     path = tmp_path / f"e{extension}"

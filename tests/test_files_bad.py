@@ -170,10 +170,17 @@ def test_damaged_binary_files(tmp_path, extension, damage):
 @pytest.mark.parametrize(
     "meta",
     [
-        {"kind": "recording"}, {"dt": "soon"}, {"dt": [1]}, {"dt": 0.1, "loop": {"closed": True}}, {"dt": -1},
-        {"dt": 0.1, "loop": 3}, [1], "x", {"dt": 0.1, "loop": {"closed": 1, "controller": 5, "sign": 1, "entry": "x"}},
+        {"kind": "recording"},
+        {"dt": "soon"},
+        {"dt": [1]},
+        {"dt": 0.1, "loop": {"closed": True}},
+        {"dt": -1},
+        {"dt": 0.1, "loop": 3},
+        [1],
+        "x",
+        {"dt": 0.1, "loop": {"closed": 1, "controller": 5, "sign": 1, "entry": "x"}},
     ],
-)  # fmt: skip
+)
 def test_damaged_descriptions(tmp_path, meta):
     columns = np.array(json.dumps(["time_s", "u:a", "y:b"]))
     one = np.ones((3, 1))

@@ -89,8 +89,12 @@ def test_divergence_is_that_of_a_shaft():
 
 def test_frequency_and_damping_through_the_envelope():
     """Rows of facts/plants.md: dynamic pressure over that of flutter; (Hz, damping) of bending and torsion."""
-    rows = {0.19: (7.60, 0.091, 14.34, 0.047), 0.63: (8.67, 0.196, 12.65, 0.083),
-            0.88: (9.83, 0.304, 11.29, 0.044), 1.02: (10.25, 0.390, 10.95, -0.007)}  # fmt: skip
+    rows = {
+        0.19: (7.60, 0.091, 14.34, 0.047),
+        0.63: (8.67, 0.196, 12.65, 0.083),
+        0.88: (9.83, 0.304, 11.29, 0.044),
+        1.02: (10.25, 0.390, 10.95, -0.007),
+    }
     hz, zeta = modes(flutter()[0] * np.sqrt(list(rows)))
     found = np.column_stack([hz[:, 0], zeta[:, 0], hz[:, 1], zeta[:, 1]])
     np.testing.assert_allclose(found, list(rows.values()), atol=0.006)
@@ -130,7 +134,9 @@ def test_frequency_response_is_strip_theory_in_the_frequency_domain():
         C = 1 - 0.165 * k / (k + 0.0455) - 0.335 * k / (k + 0.3)
         wash = H * s + T * (speed + b * (0.5 - a) * s)
         lift = np.pi * rho * b**2 * (H * s**2 + T * (speed * s - b * a * s**2)) + 2 * np.pi * rho * speed * b * C * wash
-        moment = np.pi * rho * b**2 * (H * b * a * s**2 - T * (speed * b * (0.5 - a) * s + b**2 * (0.125 + a**2) * s**2))
+        moment = (
+            np.pi * rho * b**2 * (H * b * a * s**2 - T * (speed * b * (0.5 - a) * s + b**2 * (0.125 + a**2) * s**2))
+        )
         moment = moment + 2 * np.pi * rho * speed * b**2 * (0.5 + a) * C * wash
         stiff = s**2 * wing.M + s * wing.D + wing.K + (H.T * w) @ lift - (T.T * w) @ moment
         np.testing.assert_allclose(la.solve(s * np.eye(24) - A, B[:, :6])[:6], la.inv(stiff), rtol=1e-8, atol=1e-12)

@@ -172,9 +172,15 @@ def explicit_input_matrices(records, A, C, K, feedthrough):
 
 @settings(max_examples=25, deadline=None)
 @given(
-    seed=st.integers(0, 10**6), n=st.integers(1, 4), ny=st.integers(1, 3), nu=st.integers(0, 2), feedthrough=st.booleans(),
-    predictor=st.booleans(), defective=st.booleans(), lengths=st.lists(st.integers(40, 300), min_size=1, max_size=2),
-)  # fmt: skip
+    seed=st.integers(0, 10**6),
+    n=st.integers(1, 4),
+    ny=st.integers(1, 3),
+    nu=st.integers(0, 2),
+    feedthrough=st.booleans(),
+    predictor=st.booleans(),
+    defective=st.booleans(),
+    lengths=st.lists(st.integers(40, 300), min_size=1, max_size=2),
+)
 def test_input_matrices_equal_the_explicit_least_squares(seed, n, ny, nu, feedthrough, predictor, defective, lengths):
     rng = np.random.default_rng(seed)
     A = np.diag(rng.uniform(-0.9, 0.9, n))
@@ -184,9 +190,7 @@ def test_input_matrices_equal_the_explicit_least_squares(seed, n, ny, nu, feedth
     if predictor:
         K = 0.05 * rng.standard_normal((n, ny))
         K *= min(1, 0.2 / np.linalg.norm(K @ C, 2))
-    records = tuple(
-        Experiment(rng.standard_normal((N, nu)), rng.standard_normal((N, ny)), dt=1.0) for N in lengths
-    )
+    records = tuple(Experiment(rng.standard_normal((N, nu)), rng.standard_normal((N, ny)), dt=1.0) for N in lengths)
     expected = explicit_input_matrices(records, A, C, K, feedthrough)
     squared, by_qr = [], []
     for limit, found in ((ground.NORMAL_CONDITION, squared), (0, by_qr)):

@@ -68,7 +68,9 @@ def test_closed_loop_error_falls_with_the_root_of_the_record(method):
     for name in (method, "po_moesp"):
         options = {"block_rows": 20, "feedthrough": False} if name == "po_moesp" else {"past": 20, "future": 20}
         errors[name] = [
-            np.median([impulse_error(fit(d, name, 4, **options).model, t) for d, t in map(closed_loop, [N] * 12, range(12))])
+            np.median(
+                [impulse_error(fit(d, name, 4, **options).model, t) for d, t in map(closed_loop, [N] * 12, range(12))]
+            )
             for N in (1000, 4000, 16_000)
         ]
     slopes = np.diff(np.log(errors[method])) / np.log(4)

@@ -75,7 +75,13 @@ def test_missing_samples_part_a_record_in_two():
 
 @pytest.mark.parametrize(
     ("settings", "message"),
-    [((-1, 2), "na -1"), ((2, 2.0), "nb 2.0"), ((0, 0), "no lags"), ((2, 2, -1), "delay -1"), ((30, 30), "needs 62 rows")],
+    [
+        ((-1, 2), "na -1"),
+        ((2, 2.0), "nb 2.0"),
+        ((0, 0), "no lags"),
+        ((2, 2, -1), "delay -1"),
+        ((30, 30), "needs 62 rows"),
+    ],
 )
 def test_structures_that_cannot_be_judged_are_refused(settings, message):
     with pytest.raises(ExciteError, match=message):

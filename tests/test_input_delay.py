@@ -16,9 +16,14 @@ from scenarios.report.text import estimate_text
 
 DEAD = 4
 PLANT = StateSpaceModel(
-    [[0.9, 0.2, 0], [-0.2, 0.9, 0], [0, 0, 0.6]], [[1.0, 0], [0.5, 1], [0.3, -0.8]], [[1.0, 0, 0.4], [0.2, -0.6, 1]],
-    np.zeros((2, 2)), 1.0, K=[[0.3, 0], [0, 0.2], [0.1, 0.1]], innovation_cov=0.01 * np.eye(2),
-)  # fmt: skip
+    [[0.9, 0.2, 0], [-0.2, 0.9, 0], [0, 0, 0.6]],
+    [[1.0, 0], [0.5, 1], [0.3, -0.8]],
+    [[1.0, 0, 0.4], [0.2, -0.6, 1]],
+    np.zeros((2, 2)),
+    1.0,
+    K=[[0.3, 0], [0, 0.2], [0.1, 0.1]],
+    innovation_cov=0.01 * np.eye(2),
+)
 TAKING = [name for name in METHODS if "input_delay" in (setting.name for setting in fields(method_class(name)))]
 
 

@@ -53,7 +53,10 @@ def example_4_1(seed, samples, noise="white"):
     v, e = (rng.standard_normal((samples + 200, 1)) for _ in range(2))
     if noise == "coloured":
         v = lti.simulate(np.array([[0.9, 1], [-0.04, 0.9]]), np.array([[0], [0.25]]), np.array([[0.2, 0]]), ZERO, e)
-    y = lti.simulate(np.array([[0.7, 1], [-0.16, 0.7]]), np.array([[0], [1.0]]), np.array([[-0.1247, 1.2469]]), ZERO, u) + v
+    y = (
+        lti.simulate(np.array([[0.7, 1], [-0.16, 0.7]]), np.array([[0], [1.0]]), np.array([[-0.1247, 1.2469]]), ZERO, u)
+        + v
+    )
     return Experiment(u[200:], y[200:], dt=1.0)
 
 
@@ -143,10 +146,7 @@ def test_closed_loop_with_the_reference_is_consistent_and_without_it_is_biased()
 @pytest.mark.parametrize("noise", ["white", "coloured"])
 def test_stated_uncertainty_is_that_of_many_runs(noise):
     """Standard deviations of the poles within 20 % of 200 runs; the stated 95 % ellipse holds 89 to 99 % of them."""
-    fits = [
-        fit(example_4_1(seed, 1000, noise), "io_realization", 2, block_rows=12, past=12)
-        for seed in range(200)
-    ]
+    fits = [fit(example_4_1(seed, 1000, noise), "io_realization", 2, block_rows=12, past=12) for seed in range(200)]
     poles = np.array([estimate.model.poles() for estimate in fits])
     upper = np.argmax(poles.imag, axis=1)
     poles = poles[np.arange(200), upper]

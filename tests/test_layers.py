@@ -22,7 +22,13 @@ MAY_IMPORT = {
 }
 SOURCES = [path.relative_to(ROOT) for room in MAY_IMPORT for path in sorted((ROOT / room).rglob("*.py"))]
 # Packages on PyPI install modules of these names into packages called like ours.
-TAKEN = {"identify/identify.py", "identify/cli.py", "identify/extensions.py", "identify/interpreters.py", "identify/vendor"}
+TAKEN = {
+    "identify/identify.py",
+    "identify/cli.py",
+    "identify/extensions.py",
+    "identify/interpreters.py",
+    "identify/vendor",
+}
 # Copied beside an exported file to be run there by itself: it may print and exit.
 SCRIPTS = {"excite/files/crazyflie_player.py"}
 FORBIDDEN_MODULES = {"pickle", "dill", "joblib", "shelve", "marshal"}

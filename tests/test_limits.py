@@ -31,7 +31,9 @@ def resonance(radius=0.9, angle=0.3, channels=1, offset=0.0):
 def multisine(N=400, lines=40, periods=1, seed=0):
     phases = 2 * np.pi * np.random.default_rng(seed).random(lines)
     t = np.arange(N * periods)[:, None]
-    return Signal(np.cos(2 * np.pi * np.arange(1, lines + 1) * t / N + phases).sum(1) / np.sqrt(lines / 2), DT, period=N)
+    return Signal(
+        np.cos(2 * np.pi * np.arange(1, lines + 1) * t / N + phases).sum(1) / np.sqrt(lines / 2), DT, period=N
+    )
 
 
 def value(report, limit, channel="u1"):
@@ -47,7 +49,9 @@ def test_every_limit_is_measured_by_its_definition():
     assert (value(report, "low", "u2").value, value(report, "low", "u2").where_s) == (-2.0, 2 * DT)
     assert value(report, "move", "u2").value == 3.0 and not value(report, "move", "u2").ok
     assert value(report, "rate").value == pytest.approx(75) and value(report, "rate").ok
-    assert value(report, "rate").where_s == pytest.approx(3 * DT) and value(report, "rate", "u2").value == pytest.approx(300)
+    assert value(report, "rate").where_s == pytest.approx(3 * DT) and value(
+        report, "rate", "u2"
+    ).value == pytest.approx(300)
     assert value(report, "quantisation").value == 0.5 and value(report, "quantisation", "u2").ok  # levels every 0.5
     assert {c.limit for c in report.exceeded} == {"low", "move", "rate", "quantisation"}
     assert "low of 'u2' exceeded: -2 against -1.5 at 0.02 s" in map(str, report.exceeded)
@@ -87,17 +91,29 @@ def test_outputs_are_predicted_from_trim():
 bounds_st = st.fixed_dictionaries(
     {"amplitude": st.floats(0.3, 2.5)},
     optional={
-        "rate": st.floats(5, 150), "move": st.floats(0.05, 1.5), "bits": st.integers(5, 12), "hold": st.sampled_from([2, 4]),
-        "output": st.floats(0.3, 1.2), "bandwidth_hz": st.floats(4, 20),
+        "rate": st.floats(5, 150),
+        "move": st.floats(0.05, 1.5),
+        "bits": st.integers(5, 12),
+        "hold": st.sampled_from([2, 4]),
+        "output": st.floats(0.3, 1.2),
+        "bandwidth_hz": st.floats(4, 20),
     },
-)  # fmt: skip
+)
 
 
 @settings(max_examples=60, deadline=None)
-@given(drawn=bounds_st, seed=st.integers(0, 1000), periods=st.integers(1, 2), periodic=st.booleans(), channels=st.integers(1, 2))
+@given(
+    drawn=bounds_st,
+    seed=st.integers(0, 1000),
+    periods=st.integers(1, 2),
+    periodic=st.booleans(),
+    channels=st.integers(1, 2),
+)
 def test_shaped_signals_keep_every_limit_after_quantisation(drawn, seed, periods, periodic, channels):
     signal = multisine(200, 25, periods, seed)
-    signal = Signal(np.hstack([signal.u, np.roll(signal.u, 57, axis=0)])[:, :channels], DT, period=200 if periodic else None)
+    signal = Signal(
+        np.hstack([signal.u, np.roll(signal.u, 57, axis=0)])[:, :channels], DT, period=200 if periodic else None
+    )
     output = drawn.pop("output", None)
     model = resonance(channels=channels)
     if output is not None:
@@ -205,9 +221,15 @@ def test_lines_beyond_the_actuator_are_dropped_first():
 
 def test_limits_travel_through_toml_and_json():
     limits = Limits(
-        amplitude=[1.0, 2.0], rate=3.0, bits=12, range=(-2.5, 2.5), hold=2, lost_power=0.4, bandwidth_hz=5.0,
+        amplitude=[1.0, 2.0],
+        rate=3.0,
+        bits=12,
+        range=(-2.5, 2.5),
+        hold=2,
+        lost_power=0.4,
+        bandwidth_hz=5.0,
         outputs=(OutputLimit(resonance(channels=2), high=0.5),),
-    )  # fmt: skip
+    )
     for text in (json.loads(json.dumps(limits.to_dict())), tomllib.loads(tomli_w.dumps(limits.to_dict()))):
         copy = Limits.from_dict(text)
         assert copy.to_dict() == limits.to_dict()
@@ -248,7 +270,9 @@ def test_output_limits_that_trim_or_the_bounds_violate_are_refused():
     with pytest.raises(ExciteError, match="not inside 0 to 1; no command keeps this limit and moves"):
         OutputLimit(resonance(), 0.0, 1.0)
     off_trim = Limits(low=1.0, high=3.0, outputs=(OutputLimit(resonance(), -0.5, 0.5),))
-    with pytest.raises(ExciteError, match=r"amplitude keeps the command off trim, .* takes output 'y1' 0\.\d+ past its limit"):
+    with pytest.raises(
+        ExciteError, match=r"amplitude keeps the command off trim, .* takes output 'y1' 0\.\d+ past its limit"
+    ):
         shape(multisine(), off_trim)
     with pytest.raises(ExciteError, match="2 inputs, the signal 1 channels"):
         check(multisine(), Limits(outputs=(OutputLimit(resonance(channels=2), -1, 1),)))
@@ -265,7 +289,9 @@ def test_limits_that_leave_nothing_refuse_the_design():
 
 
 def test_a_shaped_signal_is_regenerated_from_its_recipe():
-    signal = GENERATORS["multisine"](dt=0.01, period_s=2.0, band_hz=[0.5, 10.0], amplitude=6.0, phases="schroeder", periods=2)
+    signal = GENERATORS["multisine"](
+        dt=0.01, period_s=2.0, band_hz=[0.5, 10.0], amplitude=6.0, phases="schroeder", periods=2
+    )
     shaped = shape(signal, Limits(amplitude=4.0, rate=100.0, bits=12, range=(-5.0, 5.0))).signal
     assert not np.array_equal(shaped.u, signal.u)
     again = regenerate(json.loads(json.dumps(dict(shaped.recipe))))

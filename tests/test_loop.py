@@ -33,13 +33,19 @@ def controller():
 
 def plant(feedback=True, **options):
     return LinearPlant(
-        name="example", description="", dt=DT, dynamics=options.pop("dynamics", dynamics()),
-        inputs=(Channel("u1", "V"), Channel("u2", "V")), outputs=(Channel("y1", "m"), Channel("y2", "m")),
-        limits=((-10, 10), (-10, 10)), parameters={},
+        name="example",
+        description="",
+        dt=DT,
+        dynamics=options.pop("dynamics", dynamics()),
+        inputs=(Channel("u1", "V"), Channel("u2", "V")),
+        outputs=(Channel("y1", "m"), Channel("y2", "m")),
+        limits=((-10, 10), (-10, 10)),
+        parameters={},
         noise_sources={"process": Parameter(0.1, "m", "assumption"), "measurement": Parameter(0.05, "m", "assumption")},
         feedback=Feedback(controller(), measured=(1,)) if feedback else None,
-        reference_limits=((-10, 10),), **options,
-    )  # fmt: skip
+        reference_limits=((-10, 10),),
+        **options,
+    )
 
 
 def signal(channels, amplitude=1.0, samples=300, dt=DT):
@@ -66,7 +72,9 @@ def plain_loop(p, r, inject, elements=(), dt=DT):
 
 
 @pytest.mark.parametrize("inject, channels", [("setpoint", 1), ("plant_input", 2)])
-@pytest.mark.parametrize("elements", [(), (Saturation(-0.02, 0.03), RateLimit(0.02)), (Backlash(0.02), Quantiser(0.013))])
+@pytest.mark.parametrize(
+    "elements", [(), (Saturation(-0.02, 0.03), RateLimit(0.02)), (Backlash(0.02), Quantiser(0.013))]
+)
 def test_closed_loop_is_the_diagram(inject, channels, elements):
     p, s = plant(actuator=elements), signal(channels)
     recording = p.run(s, inject=inject, noise=False)
@@ -111,8 +119,10 @@ def test_truth_predicts_with_the_covariance_it_states():
 def test_noise_sources_have_streams_of_their_own():
     p, s = plant(False), signal(2)
     clean, both = p.run(s, noise=False).values, p.run(s, seed=1).values
-    one, other = (p.run(s, noise={"process": 0.0, "measurement": 0.0} | {k: v.value}, seed=1).values
-                  for k, v in p.noise_sources.items())  # fmt: skip
+    one, other = (
+        p.run(s, noise={"process": 0.0, "measurement": 0.0} | {k: v.value}, seed=1).values
+        for k, v in p.noise_sources.items()
+    )
     np.testing.assert_allclose(both - clean, one - clean + other - clean, atol=1e-12)
 
 
@@ -143,13 +153,23 @@ def test_algebraic_and_unstable_loops_are_refused():
 
 
 def test_a_loop_that_saturation_opens_is_stopped():
-    unstable = Dynamics(np.array([[1.2]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0)))
+    unstable = Dynamics(
+        np.array([[1.2]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), np.zeros((1, 0)), np.zeros((1, 0))
+    )
     p = LinearPlant(
-        name="example", description="", dt=DT, dynamics=unstable, inputs=(Channel("u"),), outputs=(Channel("y"),),
-        limits=((-100, 100),), parameters={}, noise_sources={}, reference_limits=((-100, 100),),
+        name="example",
+        description="",
+        dt=DT,
+        dynamics=unstable,
+        inputs=(Channel("u"),),
+        outputs=(Channel("y"),),
+        limits=((-100, 100),),
+        parameters={},
+        noise_sources={},
+        reference_limits=((-100, 100),),
         feedback=Feedback(StateSpaceModel(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[0.9]], DT), (0,)),
         actuator=(Saturation(-1, 1),),
-    )  # fmt: skip
+    )
     p.run(signal(1, 0.1))
     with pytest.raises(SimulationStopped, match="diverged at sample"):
         p.run(signal(1, 50.0))

@@ -19,9 +19,13 @@ def random_system(rng, n, nu, ny, radius):
 
 @settings(max_examples=60, deadline=None)
 @given(
-    seed=st.integers(0, 10**6), n=st.integers(1, 13) | st.just(50), nu=st.integers(1, 4), ny=st.integers(1, 5),
-    samples=st.integers(1, 1200), radius=st.sampled_from([0.3, 0.9, 1.0, 1.01]),
-)  # fmt: skip
+    seed=st.integers(0, 10**6),
+    n=st.integers(1, 13) | st.just(50),
+    nu=st.integers(1, 4),
+    ny=st.integers(1, 5),
+    samples=st.integers(1, 1200),
+    radius=st.sampled_from([0.3, 0.9, 1.0, 1.01]),
+)
 def test_simulation_equals_dlsim(seed, n, nu, ny, samples, radius):
     rng = np.random.default_rng(seed)
     A, B, C, D = random_system(rng, n, nu, ny, radius)
@@ -114,7 +118,9 @@ def test_polynomial_model_equals_its_difference_equation():
     model, u = PolynomialModel(a, b, 1.0), rng.standard_normal((60, 3))
     y = np.zeros((60, 2))
     for t in range(60):
-        y[t] = sum(b[k] @ u[t - k] for k in range(min(4, t + 1))) - sum(a[k] @ y[t - k] for k in range(1, min(3, t + 1)))
+        y[t] = sum(b[k] @ u[t - k] for k in range(min(4, t + 1))) - sum(
+            a[k] @ y[t - k] for k in range(1, min(3, t + 1))
+        )
     np.testing.assert_allclose(model.simulate(u), y, atol=1e-12)
     f = np.array([0.01, 0.2, 0.4])
     np.testing.assert_allclose(model.frf(f), model.to_state_space().frf(f), atol=1e-12)

@@ -27,12 +27,19 @@ def output(parameters, u=U, **options):
 
 @pytest.mark.parametrize(
     "num, den",
-    [([2.0], [1.0, -0.5]), ([1.0, 0.5], [2.0, -1.5, 0.7]), ([0.3, 0.2, 0.1], [1.0, -1.2, 0.5]), ([0.0, 0.0, 1.0], [1.0, 0, 0]),
-     ([2.5], [1.0])],
-)  # fmt: skip
+    [
+        ([2.0], [1.0, -0.5]),
+        ([1.0, 0.5], [2.0, -1.5, 0.7]),
+        ([0.3, 0.2, 0.1], [1.0, -1.2, 0.5]),
+        ([0.0, 0.0, 1.0], [1.0, 0, 0]),
+        ([2.5], [1.0]),
+    ],
+)
 def test_a_transfer_function_in_descending_powers_of_z(num, den):
     lagged = [0.0] * (len(den) - len(num)) + num  # in powers of 1/z
-    np.testing.assert_allclose(output({"num": num, "den": den}, noise=False)[:, 0], lfilter(lagged, den, U[:, 0]), atol=1e-10)
+    np.testing.assert_allclose(
+        output({"num": num, "den": den}, noise=False)[:, 0], lfilter(lagged, den, U[:, 0]), atol=1e-10
+    )
 
 
 def test_several_numerators_share_the_denominator():
@@ -111,9 +118,15 @@ def test_a_pid_is_the_sum_of_its_three_parts():
 
 
 def test_names_units_and_limits():
-    plant = lti(parameters=MATRICES | {
-        "inputs": ["flap [deg]", "aileron [deg]"], "outputs": ["a [g]", "b [g]", "c [rad/s]"], "limits": [3, 5], "dt": 0.01,
-    })  # fmt: skip
+    plant = lti(
+        parameters=MATRICES
+        | {
+            "inputs": ["flap [deg]", "aileron [deg]"],
+            "outputs": ["a [g]", "b [g]", "c [rad/s]"],
+            "limits": [3, 5],
+            "dt": 0.01,
+        }
+    )
     place = plant.injections["input"]
     assert [str(c) for c in place.channels] == ["flap [deg]", "aileron [deg]"] and place.limits == ((-3, 3), (-5, 5))
     assert str(plant.truth(None, "plant").model.outputs[2]) == "c [rad/s]" and plant.dt == 0.01
@@ -142,7 +155,10 @@ LOOP = {"num": [1.0], "den": [1.0, -0.5]}
         ({"controller": {"nim": [1.0]}}, r"'controller.nim': unknown key; did you mean 'num'"),
         ({"controller": 3}, r"'controller': 3; give a table"),
         ({"controller": {"num": [1.0]}}, r"'controller.den': missing"),
-        ({"controller": {"D": [[1.0, 2.0]]}}, r"'controller': is 1 x 2; from 1 measured outputs to 1 inputs it is 1 x 1"),
+        (
+            {"controller": {"D": [[1.0, 2.0]]}},
+            r"'controller': is 1 x 2; from 1 measured outputs to 1 inputs it is 1 x 1",
+        ),
         ({"controller": {**LOOP, "measured": ["z"]}}, r"'controller.measured': 'z' is no output"),
         ({"controller": {**LOOP, "sign": 2}}, r"'controller.sign': 2"),
         ({"controller": {"D": [[9.0]]}}, r"lti: the closed loop is not internally stable"),
@@ -163,7 +179,12 @@ def test_what_cannot_be_meant_is_refused_by_its_place(parameters, message):
 
 def test_a_recording_rebuilds_its_truth_from_the_file(tmp_path, capsys):
     """The parameters of the source, through a file, load the same plant: `excite score --truth auto` needs no more."""
-    given = {"num": [0.5], "den": [1.0, -0.9], "noise": {"num": [1.0, 0.0], "den": [1.0, -0.7]}, "controller": {"D": [[0.4]]}}
+    given = {
+        "num": [0.5],
+        "den": [1.0, -0.9],
+        "noise": {"num": [1.0, 0.0], "den": [1.0, -0.7]},
+        "controller": {"D": [[0.4]]},
+    }
     plant = load_plant("lti", parameters=given)
     path = tmp_path / "flight.npz"
     recording = plant.run(Signal(np.random.default_rng(0).choice([-1.0, 1.0], (800, 1)), 1.0), inject="plant_input")

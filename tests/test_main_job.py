@@ -69,11 +69,20 @@ def test_decimation_and_horizons_are_shown_with_their_reason(scores):
 
 
 def test_the_folder_holds_everything(folder):
-    for name in ("scenario.toml", "excitation.csv", "excitation.csv.json", "certificate.json", "scores.json", "report.html"):
+    for name in (
+        "scenario.toml",
+        "excitation.csv",
+        "excitation.csv.json",
+        "certificate.json",
+        "scores.json",
+        "report.html",
+    ):
         assert (folder / name).stat().st_size > 0, name
     assert len(list(folder.glob("recordings/*.npz"))) == 6
     assert len(list(folder.glob("models/*/*/run_*.json"))) == 32
-    assert {"excitation", "rates-poles", "attitude-bode", "attitude-outputs"} <= {p.stem for p in folder.glob("figures/*.svg")}
+    assert {"excitation", "rates-poles", "attitude-bode", "attitude-outputs"} <= {
+        p.stem for p in folder.glob("figures/*.svg")
+    }
 
 
 def test_the_readme_shows_this_table(folder, capsys):

@@ -116,7 +116,9 @@ def test_gap_free_parts_are_scored_together_from_initial_states_of_their_own():
 
 def test_estimates_survive_json_and_hold_no_nan():
     model = first_order(K=[[0.2]])
-    estimate = Estimate(model, "ssarx", 1, x0=(np.array([0.3]),), singular_values=np.array([1.0, np.nan]), warnings=("w",))
+    estimate = Estimate(
+        model, "ssarx", 1, x0=(np.array([0.3]),), singular_values=np.array([1.0, np.nan]), warnings=("w",)
+    )
     plain = estimate_to_dict(estimate)
     assert plain["singular_values"] == [1.0, None] and plain["poles"][0]["re"] == 0.9
     back = estimate_from_dict(plain, "here")

@@ -99,7 +99,12 @@ def test_state_feedback_balances_an_unstable_trim():
     data = plant.run(Signal(0.2 * U, plant.dt), inject="plant_input").experiment("plant")
     assert np.abs(data.y[:, 1]).max() < 0.2
     for place in plant.injections:
-        for check in (checks.check_deterministic, checks.check_noise_off, checks.check_truth, checks.check_bad_loops_are_refused):
+        for check in (
+            checks.check_deterministic,
+            checks.check_noise_off,
+            checks.check_truth,
+            checks.check_bad_loops_are_refused,
+        ):
             check(plant, place)
     with pytest.raises(ExciteError, match=r"unstable in open loop.*run it in closed loop"):
         load_plant("mjcf", parameters={"keyframe": "upright"})
@@ -144,10 +149,19 @@ def replaced(old, new):
         ("<robot/>", "no MJCF file: its root is <robot>"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "declares a document type"),
         (replaced("<worldbody>", '<asset><mesh file="/etc/passwd"/></asset><worldbody>'), "leaves the model's folder"),
-        (replaced("<worldbody>", '<asset><mesh file="a/../../b.obj"/></asset><worldbody>'), "leaves the model's folder"),
-        (replaced("<worldbody>", '<asset><hfield file="..\\\\b.png"/></asset><worldbody>'), "leaves the model's folder"),
+        (
+            replaced("<worldbody>", '<asset><mesh file="a/../../b.obj"/></asset><worldbody>'),
+            "leaves the model's folder",
+        ),
+        (
+            replaced("<worldbody>", '<asset><hfield file="..\\\\b.png"/></asset><worldbody>'),
+            "leaves the model's folder",
+        ),
         (replaced("<worldbody>", '<compiler meshdir="../.."/><worldbody>'), "leaves the model's folder"),
-        (replaced("<worldbody>", '<asset><texture fileright="C:\\\\x.png"/></asset><worldbody>'), "leaves the model's folder"),
+        (
+            replaced("<worldbody>", '<asset><texture fileright="C:\\\\x.png"/></asset><worldbody>'),
+            "leaves the model's folder",
+        ),
         (replaced("<worldbody>", '<include file="../other.xml"/><worldbody>'), "leaves the model's folder"),
         (replaced("<worldbody>", '<include file="model.xml"/><worldbody>'), "includes itself"),
         (replaced("<worldbody>", '<include file="absent.xml"/><worldbody>'), "absent.xml: cannot be read"),
@@ -203,7 +217,10 @@ def test_a_crash_or_a_hang_ends_elsewhere(file, monkeypatch, trial, message):
         ({"file": 3}, r"mjcf parameter 'file': 3; give text"),
         ({"keyframe": "flying"}, r"mjcf parameter 'keyframe': 'flying' is none of the model's: hanging, upright"),
         ({"dt": 0.012}, r"mjcf parameter 'dt': 0.012 s is no whole multiple of the model's timestep; give 0.01 s"),
-        ({"controller": {"kp": 1.0, "measured": ["speed"]}}, r"mjcf parameter 'controller.measured': 'speed' is no output"),
+        (
+            {"controller": {"kp": 1.0, "measured": ["speed"]}},
+            r"mjcf parameter 'controller.measured': 'speed' is no output",
+        ),
         ({"controller": {"kp": 1.0}}, r"'controller': is 2 x 2; from 2 measured outputs to 1 inputs it is 1 x 2"),
         ({"controller": {"kp": -50.0, "measured": ["position"]}}, r"mjcf: the closed loop is not internally stable"),
         ({"state_feedback": [[1.0]]}, r"'state_feedback': is 1 x 1; it must be 1 x 4"),

@@ -55,9 +55,15 @@ def test_the_control_system_samples_back():
     ("A", "message"),
     [
         ([[0.5, 0], [0, 0.0]], r"pole at z = 0 is a delay of one sample.*lower the order"),
-        ([[0.9, 0], [0, -0.4]], r"pole at z = -0\.4 on the negative real axis .* Nyquist frequency, 5 Hz.*sample faster"),
+        (
+            [[0.9, 0], [0, -0.4]],
+            r"pole at z = -0\.4 on the negative real axis .* Nyquist frequency, 5 Hz.*sample faster",
+        ),
         ([[-0.4, 1], [0, -0.4]], r"pole at z = -0\.4 on the negative real axis"),
-        (np.eye(3, k=1) + 1e-12 * np.eye(3, k=-2), r"matrix logarithm is inaccurate .* poles lie near z = 0, at \|z\| = 0\.0001"),
+        (
+            np.eye(3, k=1) + 1e-12 * np.eye(3, k=-2),
+            r"matrix logarithm is inaccurate .* poles lie near z = 0, at \|z\| = 0\.0001",
+        ),
         (np.eye(7, k=1) + 1e-24 * np.eye(7, k=-6), "matrix logarithm is inaccurate"),
     ],
 )
@@ -86,7 +92,9 @@ def test_modes_of_a_chain_of_masses():
         assert mode.time_constant_s == pytest.approx(1 / (0.02 * w), rel=1e-7) and mode.pole.imag > 0
         shape = np.sin(np.arange(1, 4) * j * np.pi / 4)
         assert np.abs(mode.shape).max() == pytest.approx(1)
-        assert abs(np.vdot(mode.shape, shape)) ** 2 == pytest.approx(np.vdot(mode.shape, mode.shape).real * shape @ shape)
+        assert abs(np.vdot(mode.shape, shape)) ** 2 == pytest.approx(
+            np.vdot(mode.shape, mode.shape).real * shape @ shape
+        )
 
 
 def test_real_modes_have_time_constants():
@@ -106,7 +114,12 @@ def test_the_modal_form_is_the_same_system_in_blocks(seed, n):
     A = rng.standard_normal((n, n))
     A *= 0.95 / max(np.abs(la.eigvals(A)).max(), 0.1)
     model = StateSpaceModel(
-        A, rng.standard_normal((n, 2)), rng.standard_normal((3, n)), np.zeros((3, 2)), 0.1, K=rng.standard_normal((n, 3))
+        A,
+        rng.standard_normal((n, 2)),
+        rng.standard_normal((3, n)),
+        np.zeros((3, 2)),
+        0.1,
+        K=rng.standard_normal((n, 3)),
     )
     modal = model.to_modal()
     np.testing.assert_allclose(modal.impulse(30), model.impulse(30), atol=1e-6 * np.abs(model.impulse(30)).max())

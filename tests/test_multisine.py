@@ -39,15 +39,24 @@ def two_modes(dt=0.01):
 
 @settings(max_examples=25, deadline=None)
 @given(
-    size=st.integers(8, 300), spacing=st.sampled_from(["full", "odd", "odd-odd", "odd-random"]),
-    phases=st.sampled_from(["schroeder", "newman", "random"]), peak=st.floats(1e-3, 1e3), seed=st.integers(0, 99),
+    size=st.integers(8, 300),
+    spacing=st.sampled_from(["full", "odd", "odd-odd", "odd-random"]),
+    phases=st.sampled_from(["schroeder", "newman", "random"]),
+    peak=st.floats(1e-3, 1e3),
+    seed=st.integers(0, 99),
     tilt=st.floats(-2, 2),
-)  # fmt: skip
+)
 def test_lines_are_exact_and_alone(size, spacing, phases, peak, seed, tilt):
     s = multisine(
-        dt=0.01, period_s=size * 0.01, band_hz=(0, 49), spacing=spacing, phases=phases, amplitude=peak, seed=seed,
+        dt=0.01,
+        period_s=size * 0.01,
+        band_hz=(0, 49),
+        spacing=spacing,
+        phases=phases,
+        amplitude=peak,
+        seed=seed,
         spectrum=lambda f: f**tilt,
-    )  # fmt: skip
+    )
     lines, amplitudes = (np.array(s.recipe["decided"][key][0]) for key in ("lines", "line_amplitudes"))
     found = spectrum(s.u)[:, 0]
     expected = np.zeros(len(found))
@@ -73,9 +82,12 @@ def test_detection_lines_are_one_odd_line_of_every_four():
     every = sorted(played + detection)
     assert every == list(range(1, 2 * len(every), 2))
     assert [l // 8 for l in detection] == list(range(len(every) // 4))
-    assert detection != multisine(
-        **BASE, band_hz=(0, 49), spacing="odd-random", phases="random", seed=6
-    ).recipe["decided"]["detection_lines"]  # fmt: skip
+    assert (
+        detection
+        != multisine(**BASE, band_hz=(0, 49), spacing="odd-random", phases="random", seed=6).recipe["decided"][
+            "detection_lines"
+        ]
+    )
 
 
 def test_log_spacing_is_even_on_a_log_axis():
@@ -109,10 +121,13 @@ def test_schroeder_crest_factors_are_the_known_ones():
 @pytest.mark.parametrize(
     ("lines", "starts", "most"),
     [
-        (np.arange(1, 32), 48, 1.40), (np.arange(1, 101), 8, 1.41), (np.arange(1, 331), 4, 1.39),
-        (np.arange(1, 3301), 1, 1.44), (np.arange(1, 62, 2), 48, 1.38),
+        (np.arange(1, 32), 48, 1.40),
+        (np.arange(1, 101), 8, 1.41),
+        (np.arange(1, 331), 4, 1.39),
+        (np.arange(1, 3301), 1, 1.44),
+        (np.arange(1, 62, 2), 48, 1.38),
     ],
-)  # fmt: skip
+)
 def test_flat_crest_factors(lines, starts, most):
     found = crest.optimise(lines, np.ones(len(lines)), starts=starts, seed=0)
     assert found.crest[0] <= most
@@ -199,7 +214,9 @@ def test_joint_input_and_output_crest_factor():
 
 
 def test_interleaved_inputs_share_no_line_and_reach_the_peak_factor():
-    s = multisine(**BASE, lines=list(range(1, 37)), channels=["a [deg]", "b [deg]", "c [deg]"], starts=32, amplitude=[1, 2, 3])
+    s = multisine(
+        **BASE, lines=list(range(1, 37)), channels=["a [deg]", "b [deg]", "c [deg]"], starts=32, amplitude=[1, 2, 3]
+    )
     active = np.abs(spectrum(s.u)) > 1e-9
     assert active.sum(0).tolist() == [12, 12, 12] and active.sum(1).max() == 1
     gram = s.u.T @ s.u / N
@@ -227,9 +244,15 @@ def test_given_allocation_is_played():
 @pytest.mark.parametrize("phases", ["optimal", "random", "schroeder"])
 def test_condition_of_every_line_is_one(orthogonal, channels, experiments, phases):
     s = multisine(
-        **BASE, lines=[2, 3, 5, 8, 13, 21], channels=channels, orthogonal=orthogonal, phases=phases, periods=2, starts=8,
+        **BASE,
+        lines=[2, 3, 5, 8, 13, 21],
+        channels=channels,
+        orthogonal=orthogonal,
+        phases=phases,
+        periods=2,
+        starts=8,
         amplitude=np.arange(1.0, channels + 1),
-    )  # fmt: skip
+    )
     assert s.period == len(s.u) == experiments * 2 * N and s.recipe["experiments"] == experiments
     runs = s.u.reshape(experiments, 2, N, channels) / np.arange(1.0, channels + 1)
     assert np.array_equal(runs[:, 0], runs[:, 1])
@@ -270,7 +293,8 @@ def test_allocation_search_keeps_the_counts():
 @pytest.mark.parametrize(
     "form",
     [
-        {"lines": list(range(1, 20)), "starts": 4}, {"lines": list(range(1, 20)), "time_limit_s": 0.05},
+        {"lines": list(range(1, 20)), "starts": 4},
+        {"lines": list(range(1, 20)), "time_limit_s": 0.05},
         {"band_hz": (1, 20), "spacing": "odd-random", "phases": "random", "seed": 9, "spectrum": [(1, 2), (9, 1)]},
         {"band_hz": (1, 20), "spacing": "log", "count": 7, "phases": "schroeder", "zero_start": True},
         {"band_hz": (1, 9), "channels": ["a [N]", "b"], "starts": 2, "periods": 2, "amplitude": [0.1, 7]},
@@ -278,7 +302,7 @@ def test_allocation_search_keeps_the_counts():
         {"band_hz": (1, 9), "model": two_modes(), "starts": 2, "crest_target": 1.1, "zero_start": True},
         {"lines": [[1, 3], [2]], "channels": 2, "phases": [[0.1, 0.2], np.array([0.3])]},
     ],
-)  # fmt: skip
+)
 def test_recipe_regenerates_the_same_bits(form):
     s = multisine(**BASE, **form)
     again = regenerate(json.loads(json.dumps(dict(s.recipe), allow_nan=False)))
@@ -289,7 +313,10 @@ def test_recipe_regenerates_the_same_bits(form):
 def test_missed_target_returns_the_best_and_says_so():
     s = multisine(**FLAT, crest_target=1.2, starts=4)
     value = s.recipe["crest_factor"][0]
-    assert len(s.recipe["warnings"]) == 1 and f"{value:.4f} misses the target 1.2 after 4 starts" in s.recipe["warnings"][0]
+    assert (
+        len(s.recipe["warnings"]) == 1
+        and f"{value:.4f} misses the target 1.2 after 4 starts" in s.recipe["warnings"][0]
+    )
     met = multisine(**FLAT, crest_target=1.45, starts=400)
     assert not met.recipe["warnings"] and met.recipe["decided"]["starts"] < 400
 
@@ -320,7 +347,10 @@ def test_one_period_of_several_experiments_warns():
     [
         ({"dt": 0}, "dt: 0; give a positive"),
         ({"period_s": 0.005}, "period_s: 0.005; it must hold at least 3 samples"),
-        ({"period_s": 2.555}, "period_s: 2.555; 255.5 samples of dt = 0.01 s; the nearest whole periods are 2.55 s and 2.56 s"),
+        (
+            {"period_s": 2.555},
+            "period_s: 2.555; 255.5 samples of dt = 0.01 s; the nearest whole periods are 2.55 s and 2.56 s",
+        ),
         ({"period_s": float("nan")}, "period_s: nan"),
         ({"period_s": 1e9}, "period_s: .* exceed"),
         ({"lines": None}, "band_hz: None; give the lowest"),
@@ -363,7 +393,10 @@ def test_one_period_of_several_experiments_warns():
         ({"time_limit_s": -1}, "time_limit_s: -1"),
         ({"crest_target": 0.9}, "crest_target: 0.9; give peak over rms, at least 1"),
         ({"zero_start": 1}, "zero_start: 1; give true or false"),
-        ({"zero_start": True, "channels": 3, "orthogonal": "dft"}, "zero_start: True; channels of 'dft' are not in phase"),
+        (
+            {"zero_start": True, "channels": 3, "orthogonal": "dft"},
+            "zero_start: True; channels of 'dft' are not in phase",
+        ),
         ({"model": 3}, "model: 'int'; give a StateSpaceModel"),
         ({"model": {"A": 1}}, r"model: \['A'\]; give the matrices"),
         ({"model": two_modes(0.02)}, "model: 'dt 0.02 s'; the signal is sampled every 0.01 s"),

@@ -24,7 +24,9 @@ def runs(u):
 @settings(max_examples=40, deadline=None)
 @given(times, st.integers(0, 40), st.integers(1, 40), st.floats(0.1, 100))
 def test_3211_durations(unit, lead, rest, amplitude):
-    u = multistep(form="3-2-1-1", dt=0.02, unit_s=unit * 0.02, lead_s=lead * 0.02, rest_s=rest * 0.02, amplitude=amplitude).u
+    u = multistep(
+        form="3-2-1-1", dt=0.02, unit_s=unit * 0.02, lead_s=lead * 0.02, rest_s=rest * 0.02, amplitude=amplitude
+    ).u
     a = amplitude
     expected = [(0.0, lead), (a, 3 * unit), (-a, 2 * unit), (a, unit), (-a, unit), (0.0, rest)]
     assert runs(u[:, 0]) == [run for run in expected if run[1]]
@@ -34,7 +36,13 @@ def test_3211_durations(unit, lead, rest, amplitude):
 @given(times, st.integers(0, 40), st.integers(0, 40), st.floats(0.1, 100), st.integers(1, 4))
 def test_a_doublet_has_zero_mean(unit, lead, rest, amplitude, repeats):
     signal = multistep(
-        form="doublet", dt=0.1, unit_s=unit * 0.1, lead_s=lead * 0.1, rest_s=rest * 0.1, amplitude=amplitude, repeats=repeats
+        form="doublet",
+        dt=0.1,
+        unit_s=unit * 0.1,
+        lead_s=lead * 0.1,
+        rest_s=rest * 0.1,
+        amplitude=amplitude,
+        repeats=repeats,
     )
     assert len(signal.u) == lead + repeats * (2 * unit + rest)
     assert math.fsum(signal.u[:, 0]) == 0

@@ -26,7 +26,14 @@ seeds = st.integers(0, 10**6)
 @pytest.mark.parametrize("periods", [None, 2])
 def test_recipes_are_json_and_regenerate_bit_for_bit(form, periods):
     signal = noise(
-        form=form, dt=0.02, duration_s=4.0, channels=["a [N]", "b"], offset=[0, -3.5], seed=5, periods=periods, **FORMS[form]
+        form=form,
+        dt=0.02,
+        duration_s=4.0,
+        channels=["a [N]", "b"],
+        offset=[0, -3.5],
+        seed=5,
+        periods=periods,
+        **FORMS[form],
     )
     again = regenerate(json.loads(json.dumps(dict(signal.recipe), allow_nan=False)))
     assert again.u.tobytes() == signal.u.tobytes()
@@ -64,9 +71,14 @@ def test_the_first_draws_of_a_seed_never_change():
 def test_band_limited_noise_is_zero_outside_the_band(length, low, width, periods, seed):
     high = min(low + width, 0.5)
     signal = noise(
-        form="band-limited", dt=1.0, duration_s=length * periods, band_hz=[low, high], seed=seed,
-        periods=periods, channels=2,
-    )  # fmt: skip
+        form="band-limited",
+        dt=1.0,
+        duration_s=length * periods,
+        band_hz=[low, high],
+        seed=seed,
+        periods=periods,
+        channels=2,
+    )
     assert signal.period == length
     assert np.array_equal(signal.u[:length], signal.u[-length:])
     lines = np.abs(np.fft.rfft(signal.u[:length], axis=0))
@@ -78,7 +90,10 @@ def test_band_limited_noise_is_zero_outside_the_band(length, low, width, periods
 
 
 def test_band_limited_noise_has_its_rms():
-    power = [noise(form="band-limited", dt=1.0, duration_s=400, band_hz=[0.1, 0.2], rms=2.0, seed=s).u.var() for s in range(50)]
+    power = [
+        noise(form="band-limited", dt=1.0, duration_s=400, band_hz=[0.1, 0.2], rms=2.0, seed=s).u.var()
+        for s in range(50)
+    ]
     assert np.mean(power) == pytest.approx(4.0, rel=0.07)  # 82 degrees of freedom in each of 50
 
 
@@ -110,7 +125,9 @@ def test_gbn_autocorrelation():
 @settings(max_examples=20, deadline=None)
 @given(st.integers(2, 9), st.integers(1, 4), seeds)
 def test_multilevel_visits_equal_levels_equally(levels, hold, seed):
-    u = noise(form="multilevel", dt=1.0, duration_s=1000 * hold * levels, levels=levels, hold=hold, amplitude=2, seed=seed).u
+    u = noise(
+        form="multilevel", dt=1.0, duration_s=1000 * hold * levels, levels=levels, hold=hold, amplitude=2, seed=seed
+    ).u
     found, counts = np.unique(u, return_counts=True)
     np.testing.assert_allclose(found, np.linspace(-2, 2, levels), atol=1e-12)
     assert np.abs(counts / hold - 1000).max() < 5.5 * math.sqrt(1000)
@@ -135,7 +152,10 @@ def test_a_signal_that_never_changes_is_said():
         ({"form": "whit"}, "did you mean 'white'?"),
         ({"dt": 0}, "noise: dt: 0;"),
         ({"duration_s": -1}, "noise: duration_s: -1; give a positive number of seconds"),
-        ({"duration_s": 1e9}, "noise: duration_s: 1000000000.0; 100000000000 samples x 1 channels exceed 200000000 values"),
+        (
+            {"duration_s": 1e9},
+            "noise: duration_s: 1000000000.0; 100000000000 samples x 1 channels exceed 200000000 values",
+        ),
         ({"rms": 0}, "noise: rms: 0; every rms must be positive and finite"),
         ({"rms": math.nan}, "noise: rms: nan;"),
         ({"rms": [1, 2]}, "noise: rms: [1, 2]; give one number, or one for each of the 1 channels"),
@@ -152,7 +172,10 @@ def test_a_signal_that_never_changes_is_said():
         ({"form": "band-limited"}, "noise: band_hz: None; the form 'band-limited' needs it"),
         ({"form": "band-limited", "band_hz": [1, 60]}, "noise: band_hz[1]: 60; it exceeds the Nyquist frequency 50 Hz"),
         ({"form": "band-limited", "band_hz": [5, 1]}, "noise: band_hz: [5, 1]; the band is empty"),
-        ({"form": "band-limited", "band_hz": [5.1, 5.9]}, "the lines of 100 samples are 1 Hz apart and none lies inside"),
+        (
+            {"form": "band-limited", "band_hz": [5.1, 5.9]},
+            "the lines of 100 samples are 1 Hz apart and none lies inside",
+        ),
         ({"form": "band-limited", "band_hz": 5}, "noise: band_hz: 5; give [low, high] in Hz"),
         ({"form": "band-limited", "band_hz": [-1, 5]}, "noise: band_hz[0]: -1;"),
         ({"form": "binary", "hold": 0}, "noise: hold: 0;"),
@@ -160,7 +183,10 @@ def test_a_signal_that_never_changes_is_said():
         ({"form": "binary", "rms": 1}, "noise: rms: 1; the form 'binary' does not use it"),
         ({"form": "gbn"}, "noise: switch_probability: None; mean_hold_s is None; give one of the two"),
         ({"form": "gbn", "switch_probability": 0.1, "mean_hold_s": 1}, "give one of the two"),
-        ({"form": "gbn", "switch_probability": 0}, "noise: switch_probability: 0; give a probability above 0, at most 1"),
+        (
+            {"form": "gbn", "switch_probability": 0},
+            "noise: switch_probability: 0; give a probability above 0, at most 1",
+        ),
         ({"form": "gbn", "switch_probability": 1.1}, "noise: switch_probability: 1.1;"),
         ({"form": "gbn", "mean_hold_s": 0.005}, "noise: mean_hold_s: 0.005; give at least the 0.01 s of one hold"),
         ({"form": "multilevel", "levels": 1}, "noise: levels: 1; give a whole number of at least 2"),

@@ -63,7 +63,9 @@ def test_one_decomposition_serves_all_orders(monkeypatch):
     for kind in {DecomposingMethod, *(type(load_method(n)) for n in ("po_moesp", "iem", "ssinnov2", "n4sid", "ssarx"))}:
         if "decompose" in vars(kind) and kind is not DecomposingMethod:
             original = kind.decompose
-            monkeypatch.setattr(kind, "decompose", lambda self, factor, f=original: count.append(self.name) or f(self, factor))
+            monkeypatch.setattr(
+                kind, "decompose", lambda self, factor, f=original: count.append(self.name) or f(self, factor)
+            )
     data, _ = example()
     for name in ("iem", "ssinnov2", "n4sid", "ssarx"):
         count.clear()

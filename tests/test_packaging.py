@@ -15,7 +15,9 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     source, out = tmp_path_factory.mktemp("source") / "tree", tmp_path_factory.mktemp("wheel")
-    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    tracked = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
     for name in tracked:
         if (ROOT / name).is_file():
             (source / name).parent.mkdir(parents=True, exist_ok=True)
@@ -27,7 +29,12 @@ def wheel(tmp_path_factory):
 
 def test_the_wheel_holds_the_four_packages_their_data_and_the_licence(wheel):
     names = zipfile.ZipFile(wheel).namelist()
-    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"excite", "plants", "identify", "scenarios"}
+    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {
+        "excite",
+        "plants",
+        "identify",
+        "scenarios",
+    }
     assert "plants/quadrotor/model.xml" in names and "scenarios/library/quadrotor_prbs.toml" in names
     assert any(name.endswith("licenses/LICENSE") for name in names)
 

@@ -28,9 +28,11 @@ def explicit(segments, rows):
 
 @settings(max_examples=40, deadline=None)
 @given(
-    seed=st.integers(0, 10**6), rows=st.integers(1, 9), channels=st.integers(1, 4),
+    seed=st.integers(0, 10**6),
+    rows=st.integers(1, 9),
+    channels=st.integers(1, 4),
     lengths=st.lists(st.integers(5, 200), min_size=1, max_size=3),
-)  # fmt: skip
+)
 def test_gram_equals_explicit_hankel(seed, rows, channels, lengths):
     rng = np.random.default_rng(seed)
     segments = [rng.standard_normal((n, channels)) for n in lengths if n >= rows]
@@ -162,9 +164,11 @@ def random_periodic(rng, M, nu, structure):
 
 @settings(max_examples=80, deadline=None)
 @given(
-    seed=st.integers(0, 10**6), M=st.integers(6, 24), nu=st.integers(1, 3),
+    seed=st.integers(0, 10**6),
+    M=st.integers(6, 24),
+    nu=st.integers(1, 3),
     structure=st.sampled_from(["shared", "interleaved", "delayed", "dependent", "own"]),
-)  # fmt: skip
+)
 def test_orders_equal_explicit_ranks(seed, M, nu, structure):
     """The smallest Kronecker index of the DFT vectors, the record's certificate and the rank of H agree."""
     rng = np.random.default_rng(seed)
@@ -241,7 +245,9 @@ def test_the_floor_is_estimated_from_repeated_periods():
 
 def test_several_records_with_common_and_own_sines():
     t = np.arange(3000)
-    records = [np.sin(2 * np.pi * f * t)[:, None] + np.sin(2 * np.pi * 0.002 * t)[:, None] for f in (0.003, 0.0045, 0.006)]
+    records = [
+        np.sin(2 * np.pi * f * t)[:, None] + np.sin(2 * np.pi * 0.002 * t)[:, None] for f in (0.003, 0.0045, 0.006)
+    ]
     assert order_of_recurrence(records, 20).order == 8
     joined = certify([Experiment(u, t, dt=1.0) for u in records], block_rows=20)
     assert joined.order == 8 and certify(Experiment(records[0], t, dt=1.0), block_rows=20).order == 4
@@ -253,7 +259,9 @@ def test_verdicts_refuse_what_is_necessary_and_warn_of_what_would_suffice():
     fir = verdict(signal, "fir of length 200", 200)
     assert str(fir) == "enough for fir of length 200: no, order 126 < 200" and not fir.ok
     moesp = verdict(signal, "po_moesp with 20 block rows and order 6", 20, 46)
-    assert moesp.status == "yes" and moesp.text.startswith("enough for po_moesp with 20 block rows and order 6: yes, margin 0.9")
+    assert moesp.status == "yes" and moesp.text.startswith(
+        "enough for po_moesp with 20 block rows and order 6: yes, margin 0.9"
+    )
     warned = verdict(signal, "a method", 100, 150)
     assert warned.ok and "order 150 would suffice, the input has order 126" in warned.text
     unknown = verdict(certify(signal, block_rows=20), "fir", 50)

@@ -89,7 +89,9 @@ def test_a_whole_period_has_the_bits_of_scipy(order):
 @given(registers(2, 32), st.integers(1, 3000))
 def test_any_state_and_length_has_the_bits_of_scipy(register, length):
     order, state = register
-    expected, _ = max_len_seq(order, state=[state >> i & 1 for i in range(order)], length=length, taps=list(TAPS[order]))
+    expected, _ = max_len_seq(
+        order, state=[state >> i & 1 for i in range(order)], length=length, taps=list(TAPS[order])
+    )
     assert np.array_equal(lfsr.sequence(order, TAPS[order], state, length), expected)
 
 
@@ -160,10 +162,19 @@ def test_own_taps():
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(2, 9), st.integers(1, 3), st.integers(0, 99), st.integers(1, 3), st.sampled_from(["shift", "hadamard"]))
+@given(
+    st.integers(2, 9), st.integers(1, 3), st.integers(0, 99), st.integers(1, 3), st.sampled_from(["shift", "hadamard"])
+)
 def test_inverse_repeat_has_no_even_lines(order, hold, seed, count, decorrelate):
     signal = prbs(
-        order=order, dt=1.0, hold=hold, seed=seed, channels=count, decorrelate=decorrelate, inverse_repeat=True, amplitude=3
+        order=order,
+        dt=1.0,
+        hold=hold,
+        seed=seed,
+        channels=count,
+        decorrelate=decorrelate,
+        inverse_repeat=True,
+        amplitude=3,
     )
     half = signal.period // 2
     assert np.array_equal(signal.u[:half], -signal.u[half:])
@@ -384,8 +395,11 @@ def test_the_recipe_is_json_and_regenerates_bit_for_bit(parameters):
     again = regenerate(json.loads(json.dumps(dict(signal.recipe), allow_nan=False)))
     assert again.u.tobytes() == signal.u.tobytes()
     assert (again.dt, again.channels, again.period, again.recipe) == (
-        signal.dt, signal.channels, signal.period, signal.recipe,
-    )  # fmt: skip
+        signal.dt,
+        signal.channels,
+        signal.period,
+        signal.recipe,
+    )
 
 
 def test_regenerate_refuses_what_it_cannot_play():
@@ -435,7 +449,10 @@ def test_a_cut_of_a_huge_order_is_instant():
         ({"order": 7.0}, "prbs: order: 7.0; give a whole number"),
         ({"order": True}, "prbs: order: True; give a whole number"),
         ({"order": None}, "prbs: order: None; give a whole number from 2 to 32, or duration_s"),
-        ({"order": 4, "taps": [2]}, "taps: [2]; x^4 + x^2 + 1 is not primitive: the sequence repeats after at most 6 chips"),
+        (
+            {"order": 4, "taps": [2]},
+            "taps: [2]; x^4 + x^2 + 1 is not primitive: the sequence repeats after at most 6 chips",
+        ),
         ({"order": 4, "taps": [3, 2, 1]}, "is not primitive: the sequence repeats after at most 5 chips instead of 15"),
         ({"taps": []}, "prbs: taps: []; give a list of whole numbers from 1 to 4"),
         ({"taps": [5]}, "prbs: taps: [5]; give different whole numbers from 1 to 4"),
@@ -481,7 +498,10 @@ def test_a_cut_of_a_huge_order_is_instant():
         ({"order": None, "duration_s": 0.02}, "prbs: duration_s: 0.02; the shortest period takes 0.03 s; play longer"),
         ({"seed": -1}, "prbs: seed: -1;"),
         ({"seed": 0.5}, "prbs: seed: 0.5;"),
-        ({"order": 32}, "prbs: order: 32; 4294967295 samples x 1 channels exceed 200000000 values (1.6 GB); lower order"),
+        (
+            {"order": 32},
+            "prbs: order: 32; 4294967295 samples x 1 channels exceed 200000000 values (1.6 GB); lower order",
+        ),
         ({"periods": 10**12}, "exceed 200000000 values"),
     ],
 )

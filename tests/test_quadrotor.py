@@ -92,9 +92,7 @@ def test_switching_one_source_off_leaves_the_others_as_they_were():
     attitude = PLANT.run(signal, seed=6, noise=silent | {"attitude": 0.05}).columns(first)[0]
     np.testing.assert_array_equal(gyro, [*full[:3], 0, 0])
     np.testing.assert_array_equal(attitude, [0, 0, 0, *full[3:]])
-    np.testing.assert_array_equal(
-        PLANT.run(signal, seed=6, noise=silent).values, PLANT.run(signal, noise=False).values
-    )
+    np.testing.assert_array_equal(PLANT.run(signal, seed=6, noise=silent).values, PLANT.run(signal, noise=False).values)
     # row 2 is the first that thrust noise reaches, through the motor lag: the same draws with and without a gyro
     noisy, alone = (PLANT.run(signal, seed=6, noise=silent | {"thrust": 2e-3} | gyro) for gyro in ({"gyro": 1e-9}, {}))
     np.testing.assert_allclose(noisy.columns(first)[2], alone.columns(first)[2], atol=1e-8)
@@ -124,28 +122,34 @@ def test_amplitude_beyond_a_limit_is_refused(channel, value, limit):
         PLANT.run(Signal(u, 0.02))
 
 
-@pytest.mark.parametrize("parameters, message", [
-    ({"mas": 0.03}, "did you mean 'mass'"),
-    ({"mass": 0.0}, "must be positive"),
-    ({"rate_ki": -1.0}, "at least zero"),
-    ({"mass": float("nan")}, "not finite"),
-    ({"mass": "heavy"}, "not a number"),
-    ({"mass": 0.08}, "needs 0.1962 N per motor"),
-    ({"izz": 1.0}, r"'izz': 1 kg m2; no rigid body .* ixx \+ iyy"),
-    ({"hover_altitude": 0.05}, "'hover_altitude': 0.05 m"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "parameters, message",
+    [
+        ({"mas": 0.03}, "did you mean 'mass'"),
+        ({"mass": 0.0}, "must be positive"),
+        ({"rate_ki": -1.0}, "at least zero"),
+        ({"mass": float("nan")}, "not finite"),
+        ({"mass": "heavy"}, "not a number"),
+        ({"mass": 0.08}, "needs 0.1962 N per motor"),
+        ({"izz": 1.0}, r"'izz': 1 kg m2; no rigid body .* ixx \+ iyy"),
+        ({"hover_altitude": 0.05}, "'hover_altitude': 0.05 m"),
+    ],
+)
 def test_bad_parameters_are_refused(parameters, message):
     with pytest.raises(ExciteError, match=message):
         load_plant("quadrotor", parameters=parameters)
 
 
-@pytest.mark.parametrize("options, message", [
-    ({"inject": "atitude_setpoint"}, "did you mean 'attitude_setpoint'"),
-    ({"noise": {"giro": 1.0}}, "did you mean 'gyro'"),
-    ({"noise": {"gyro": -1.0}}, "at least zero"),
-    ({"noise": 0.5}, "true, false"),
-    ({"seed": -1}, "at least 0"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"inject": "atitude_setpoint"}, "did you mean 'attitude_setpoint'"),
+        ({"noise": {"giro": 1.0}}, "did you mean 'gyro'"),
+        ({"noise": {"gyro": -1.0}}, "at least zero"),
+        ({"noise": 0.5}, "true, false"),
+        ({"seed": -1}, "at least 0"),
+    ],
+)
 def test_bad_options_are_refused(options, message):
     with pytest.raises(ExciteError, match=message):
         PLANT.run(Signal(np.zeros((10, 3)), 0.02), **options)
@@ -156,12 +160,15 @@ def test_unknown_preset_is_refused():
         load_plant("quadrotor", preset="2014")
 
 
-@pytest.mark.parametrize("parameters, noise, quantity", [
-    ({}, {"gyro": 20.0}, "tilt"),
-    ({"rate_kp": 0.0}, {}, "tilt"),
-    ({"hover_altitude": 0.101}, {}, "altitude"),
-    ({}, {"thrust": 300.0}, "body rate"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "parameters, noise, quantity",
+    [
+        ({}, {"gyro": 20.0}, "tilt"),
+        ({"rate_kp": 0.0}, {}, "tilt"),
+        ({"hover_altitude": 0.101}, {}, "altitude"),
+        ({}, {"thrust": 300.0}, "body rate"),
+    ],
+)
 def test_unsafe_flight_stops(parameters, noise, quantity):
     with pytest.raises(SimulationStopped, match=rf"seed 5: stopped at [\d.]+ s: {quantity} .* reduce"):
         Quadrotor(parameters=parameters).run(random_binary((10, 10, 10)), noise=noise, seed=5)

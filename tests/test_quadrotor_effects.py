@@ -32,8 +32,12 @@ def test_presets_differ_where_they_say():
     gains = [today[f"{loop}_{gain}"] for loop in ("attitude", "rate", "yaw_rate") for gain in ("kp", "ki", "kd")]
     assert gains == [6.0, 3.0, 0.0, 250.0, 500.0, 2.5, 120.0, 16.7, 0.0]
     assert {name for name in today if outdoors[name] != today[name]} == {
-        "estimator_kp", "drag", "drag_height", "battery_slope", "battery_resistance",
-    }  # fmt: skip
+        "estimator_kp",
+        "drag",
+        "drag_height",
+        "battery_slope",
+        "battery_resistance",
+    }
 
 
 # --- battery ---------------------------------------------------------------------------------------------------------
@@ -160,7 +164,9 @@ def test_biases_belong_to_a_flight():
     rates = ("p", "q", "r")
     np.testing.assert_array_equal(first.values, again.values)
     assert (abs(first.columns(rates)[0] - other.columns(rates)[0]) > 1e-5).all()
-    draws = [PLANT.run(Signal(np.zeros((1, 3)), 0.004), noise=levels, seed=seed).columns(rates)[0] for seed in range(200)]
+    draws = [
+        PLANT.run(Signal(np.zeros((1, 3)), 0.004), noise=levels, seed=seed).columns(rates)[0] for seed in range(200)
+    ]
     assert np.std(draws) == pytest.approx(0.01, rel=0.1)
 
 

@@ -22,7 +22,9 @@ def at_once(monkeypatch):
 
 
 @pytest.mark.parametrize("inject", SMALL)
-@pytest.mark.parametrize("preset, parameters", [("2013", {}), ("today", {}), ("outdoors", {}), ("outdoors", {"takeoff": 2.0})])
+@pytest.mark.parametrize(
+    "preset, parameters", [("2013", {}), ("today", {}), ("outdoors", {}), ("outdoors", {"takeoff": 2.0})]
+)
 def test_many_are_what_each_is_alone(preset, parameters, inject):
     plant = Quadrotor(preset, parameters)
     signal = random_binary(SMALL[inject], 1.0)

@@ -55,11 +55,18 @@ def test_rates_truth_is_mujocos_own_transition_matrix_at_hover():
     assert np.exp(-0.002 / 0.05) == pytest.approx(truth.A[1, 1], rel=1e-15)
 
 
-@pytest.mark.parametrize("inject, setting, floor", [
-    ("attitude_setpoint", "rates", 99.3), ("attitude_setpoint", "attitude", 99.7), ("attitude_setpoint", "telemetry", 99.7),
-    ("rate_setpoint", "rates", 98.0), ("rate_setpoint", "rate_response", 99.2),
-    ("motor_command", "rates", 96.0), ("motor_command", "motor_response", 99.1),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "inject, setting, floor",
+    [
+        ("attitude_setpoint", "rates", 99.3),
+        ("attitude_setpoint", "attitude", 99.7),
+        ("attitude_setpoint", "telemetry", 99.7),
+        ("rate_setpoint", "rates", 98.0),
+        ("rate_setpoint", "rate_response", 99.2),
+        ("motor_command", "rates", 96.0),
+        ("motor_command", "motor_response", 99.1),
+    ],
+)
 def test_small_noise_free_flight_is_the_truth(inject, setting, floor):
     recording = PLANT.run(random_binary(SMALL[inject], 20.0), inject=inject, noise=False)
     fits = simulated_fit(PLANT, recording, setting)
@@ -102,11 +109,17 @@ def test_truth_follows_every_gain(gains):
     )
 
 
-@pytest.mark.parametrize("preset, inject, setting", [
-    ("2013", "attitude_setpoint", "rates"), ("2013", "attitude_setpoint", "attitude"),
-    ("2013", "rate_setpoint", "rate_response"), ("2013", "motor_command", "motor_response"),
-    ("outdoors", "attitude_setpoint", "attitude"), ("outdoors", "motor_command", "rates"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "preset, inject, setting",
+    [
+        ("2013", "attitude_setpoint", "rates"),
+        ("2013", "attitude_setpoint", "attitude"),
+        ("2013", "rate_setpoint", "rate_response"),
+        ("2013", "motor_command", "motor_response"),
+        ("outdoors", "attitude_setpoint", "attitude"),
+        ("outdoors", "motor_command", "rates"),
+    ],
+)
 def test_innovations_of_the_truth_are_white_and_as_large_as_stated(preset, inject, setting):
     plant, steady = Quadrotor(preset), {"gyro_bias": 0.0, "accelerometer_bias": 0.0}
     recording = plant.run(random_binary(SMALL[inject], 30.0), inject=inject, noise=steady, seed=7)
@@ -202,13 +215,16 @@ def test_telemetry_refuses_a_loop_without_square_root():
 # --- stability -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("parameters, loop", [
-    ({"attitude_kp": 60.0}, "roll"),
-    ({"motor_tau": 5.0}, "roll"),
-    ({"altitude_kp": 100.0, "altitude_kd": 0.0}, "altitude"),
-    ({"ixx": 1e-13, "iyy": 1e-13, "izz": 1e-13}, "roll"),
-    ({"izz": 1e-10, "ixx": 1e-5, "iyy": 1e-5}, "yaw"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "parameters, loop",
+    [
+        ({"attitude_kp": 60.0}, "roll"),
+        ({"motor_tau": 5.0}, "roll"),
+        ({"altitude_kp": 100.0, "altitude_kd": 0.0}, "altitude"),
+        ({"ixx": 1e-13, "iyy": 1e-13, "izz": 1e-13}, "roll"),
+        ({"izz": 1e-10, "ixx": 1e-5, "iyy": 1e-5}, "yaw"),
+    ],
+)
 def test_an_unstable_loop_is_refused_before_the_flight(parameters, loop):
     plant, signal = Quadrotor(parameters=parameters), random_binary((1, 1, 1), 1.0)
     for fly in (lambda: plant.run(signal), lambda: plant.run_many(signal, seeds=[0])):
@@ -232,7 +248,9 @@ def test_the_limit_of_stability_is_that_of_the_equations():
 
 
 def test_integrators_may_fly():
-    Quadrotor(parameters={"altitude_kp": 0.0, "altitude_kd": 0.0, "yaw_rate_ki": 0.0}).run(random_binary((1, 1, 1), 0.5))
+    Quadrotor(parameters={"altitude_kp": 0.0, "altitude_kd": 0.0, "yaw_rate_ki": 0.0}).run(
+        random_binary((1, 1, 1), 0.5)
+    )
 
 
 def test_truth_refuses_unknown_setting_and_foreign_recording():

@@ -46,5 +46,7 @@ def test_the_identify_example_runs_on_a_file_of_that_form(tmp_path, monkeypatch,
 
 
 def test_files_and_folders_it_names_exist():
-    for name in re.findall(r"`((?:excite|plants|identify|scenarios)/[\w./]*)`", README) + re.findall(r"\]\(([\w./]+)\)", README):
+    for name in re.findall(r"`((?:excite|plants|identify|scenarios)/[\w./]*)`", README) + re.findall(
+        r"\]\(([\w./]+)\)", README
+    ):
         assert (ROOT / name).exists(), name

@@ -98,7 +98,7 @@ def test_repetitions_are_averaged_by_least_squares(system):
 def test_kung_and_era_differ_as_stated(system):
     """Kung: least squares on the shift of Gamma alone. ERA: S^-1/2 U^T H(1) V S^-1/2, the minimiser of
     ||Gamma A Delta - H(1)|| (seed 001, eq. 3.12), which uses one more parameter. Equal without noise only.
-    """  # fmt: skip
+    """
     rng = np.random.default_rng(4)
     h = system(4).impulse(41)[1:]
     for noise, equal in ((0, True), (0.05, False)):

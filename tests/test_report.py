@@ -33,7 +33,7 @@ from scenarios.spec import Expectation, Scenario, SettingSpec, statistics
 
 DT = 0.05
 EVIL = "<script>alert(1)</script>"
-OUTPUTS = (f"{EVIL} [deg]", "cost $a$ & \"b\" [m/s]")
+OUTPUTS = (f"{EVIL} [deg]", 'cost $a$ & "b" [m/s]')
 RANK_BY = ("pole_error_max", "frf_error_h2")
 
 
@@ -81,10 +81,17 @@ def setting_result(name, closed, runs=2):
     rows.append(Row("iem", 4, True, (None,) * runs, (Score({}, reason=why),) * runs, {}, np.inf, why))
     spec = SettingSpec(name, Roles(("flap", "tab"), tuple(OUTPUTS), closed=closed), False)
     return SettingResult(
-        spec=spec, dt=DT, horizons=Horizons(1, 12, 12, ("past 12 rows & more",)), horizons_s=(0.2,), truth=truth(),
-        band_hz=default_band(truth().poles, truth().model.dt), validation=validation, clean=clean, rows=tuple(rows),
+        spec=spec,
+        dt=DT,
+        horizons=Horizons(1, 12, 12, ("past 12 rows & more",)),
+        horizons_s=(0.2,),
+        truth=truth(),
+        band_hz=default_band(truth().poles, truth().model.dt),
+        validation=validation,
+        clean=clean,
+        rows=tuple(rows),
         truth_score=score(truth().model, validation, truth(), clean=clean),
-    )  # fmt: skip
+    )
 
 
 @cache
@@ -93,11 +100,24 @@ def result():
     signal = Signal(data(0, 0.0).u, DT, ["flap [deg]", "tab [deg]"], 400, {"kind": "prbs", "seed": 3})
     source = {"name": "demo", "seed": 3, "description": EVIL, "plant": {"name": "wing"}}
     scenario = Scenario(
-        name="demo", seed=3, description=EVIL, plant=SimpleNamespace(name="wing", description=""), noise=True,
-        inject="surface", excitation={"kind": "prbs"}, settings=tuple(s.spec for s in settings), methods=(),
-        estimation_runs=2, validation_runs=1, discard_s=0.0, rank_by=RANK_BY, bands_hz={}, horizons_s=(0.2,), expect=(),
+        name="demo",
+        seed=3,
+        description=EVIL,
+        plant=SimpleNamespace(name="wing", description=""),
+        noise=True,
+        inject="surface",
+        excitation={"kind": "prbs"},
+        settings=tuple(s.spec for s in settings),
+        methods=(),
+        estimation_runs=2,
+        validation_runs=1,
+        discard_s=0.0,
+        rank_by=RANK_BY,
+        bands_hz={},
+        horizons_s=(0.2,),
+        expect=(),
         source=source,
-    )  # fmt: skip
+    )
     missed = Expectation("best.frf_error_h2.max", None, "best", "frf_error_h2", "max", "<=", 1e-9)
     met = Expectation("best.fit_clean.median", None, "best", "fit_clean", "median", ">=", 1.0)
     certificates = {s.spec.name: certify(signal, 10) for s in settings}
@@ -194,9 +214,17 @@ def test_poles_of_the_truth_with_frequency_and_damping():
 
 @pytest.mark.parametrize(
     "value, text",
-    [(float("nan"), "–"), (float("inf"), "∞"), (0.0, "0"), (0.12345, "0.123"), (999.6, "1000"), (1234.4, "1234"),
-     (1e9, "1.0e+09"), (-float("inf"), "−∞")],
-)  # fmt: skip
+    [
+        (float("nan"), "–"),
+        (float("inf"), "∞"),
+        (0.0, "0"),
+        (0.12345, "0.123"),
+        (999.6, "1000"),
+        (1234.4, "1234"),
+        (1e9, "1.0e+09"),
+        (-float("inf"), "−∞"),
+    ],
+)
 def test_numbers_are_short(value, text):
     assert tables.number(value) == text
 
@@ -369,7 +397,7 @@ def test_all_figures_are_embedded_with_alternative_text():
 
 def test_page_holds_scenario_verdict_and_certificate():
     text = html()
-    assert 'name = &quot;demo&quot;' in text and 'class="missed">missed' in text and 'class="met">met' in text
+    assert "name = &quot;demo&quot;" in text and 'class="missed">missed' in text and 'class="met">met' in text
     assert "persistently exciting of order" in text and "past 12 rows &amp; more" in text
     assert "rewards bias" in text
 

@@ -129,22 +129,39 @@ def assert_close(a, b, place="scores"):
 
 # Refused before anything flies ------------------------------------------------------------------------------------------
 
-OWN = {"setting/0/name": "mine", "setting/0/inputs": ["roll_ref"], "setting/0/outputs": ["roll"], "setting/0/decimate": 5,
-       "score/rank_by": ["fit_one_step"]}  # fmt: skip
+OWN = {
+    "setting/0/name": "mine",
+    "setting/0/inputs": ["roll_ref"],
+    "setting/0/outputs": ["roll"],
+    "setting/0/decimate": 5,
+    "score/rank_by": ["fit_one_step"],
+}
 REFUSALS = {
     # unknown keys, at every level
     "nam": ({"nam": "x"}, "short.toml: nam: unknown key; did you mean 'name'?"),
     "plant": ({"plant/presett": "2013"}, "short.toml: plant.presett: unknown key; did you mean 'preset'?"),
-    "parameters": ({"plant/parameters": {"mas": 1.0}}, "plant: quadrotor parameter 'mas' does not exist; did you mean 'mass'?"),
+    "parameters": (
+        {"plant/parameters": {"mas": 1.0}},
+        "plant: quadrotor parameter 'mas' does not exist; did you mean 'mass'?",
+    ),
     "noise": ({"noise/thurst": 0.1}, "short.toml: noise.thurst: unknown key; did you mean 'thrust'?"),
     "loop": ({"loop/injekt": "x"}, "short.toml: loop.injekt: unknown key; did you mean 'inject'?"),
-    "excitation": ({"excitation/ordr": 4}, "short.toml: excitation.ordr: unknown key for a prbs; did you mean 'order'?"),
-    "data": ({"data/estimation_run": 3}, "short.toml: data.estimation_run: unknown key; did you mean 'estimation_runs'?"),
+    "excitation": (
+        {"excitation/ordr": 4},
+        "short.toml: excitation.ordr: unknown key for a prbs; did you mean 'order'?",
+    ),
+    "data": (
+        {"data/estimation_run": 3},
+        "short.toml: data.estimation_run: unknown key; did you mean 'estimation_runs'?",
+    ),
     "setting": ({"setting/0/input": ["x"]}, "short.toml: setting[0].input: unknown key; did you mean 'inputs'?"),
     "method": ({"method/0/ordr": 3}, "short.toml: method[0].ordr: unknown key; did you mean 'order'?"),
     "settings": ({"method/0/settings/pasts": 3}, "method[0].settings: ssarx: no setting 'pasts'; did you mean 'past'?"),
     "score": ({"score/rank": ["x"]}, "short.toml: score.rank: unknown key; did you mean 'rank_by'?"),
-    "bands": ({"score/bands_hz": {"attitud": [1.0, 2.0]}}, "short.toml: score.bands_hz.attitud: unknown key; did you mean"),
+    "bands": (
+        {"score/bands_hz": {"attitud": [1.0, 2.0]}},
+        "short.toml: score.bands_hz.attitud: unknown key; did you mean",
+    ),
     # wrong types and values
     "seed": ({"seed": "x"}, "short.toml: seed: 'x'; give a whole number"),
     "seed true": ({"seed": True}, "short.toml: seed: True; give a whole number"),
@@ -152,66 +169,123 @@ REFUSALS = {
     "seed of 70 bits": ({"seed": 2**70}, "seed: 1180591620717411303424; give a whole number"),
     "plant list": ({"plant": [1]}, "short.toml: plant: [1]; give a table"),
     "plant name": ({"plant/name": "quadrotr"}, "plant 'quadrotr' does not exist; did you mean 'quadrotor'?"),
-    "parameter text": ({"plant/parameters": {"mass": "x"}}, "short.toml: plant: quadrotor parameter 'mass': 'x' is not a number"),
+    "parameter text": (
+        {"plant/parameters": {"mass": "x"}},
+        "short.toml: plant: quadrotor parameter 'mass': 'x' is not a number",
+    ),
     "noise nan": ({"noise/thrust": float("nan")}, "short.toml: noise.thrust: nan; give a finite number"),
     "noise switch": ({"noise/enabled": 1}, "short.toml: noise.enabled: 1; give true or false"),
     "method number": ({"method/0": 3}, "short.toml: method[0]: 3; give a table"),
     "no method": ({"method": None}, "short.toml: method: missing; give at least one [[method]]"),
-    "method name": ({"method/0/name": "ssarxx"}, "short.toml: method[0].name: method 'ssarxx' does not exist; did you mean"),
+    "method name": (
+        {"method/0/name": "ssarxx"},
+        "short.toml: method[0].name: method 'ssarxx' does not exist; did you mean",
+    ),
     "setting of method": ({"method/0/setting": "rates"}, "method[0].setting: 'rates' is not defined; known: attitude"),
     "no order": ({"method/0/order": None}, "short.toml: method[0].order: give either order"),
     "order 0": ({"method/0/order": 0}, "short.toml: method[0].order: 0; give at least 1"),
     "order -1": ({"method/0/order": -1}, "short.toml: method[0].order: -1; give at least 1"),
     "order in list": ({"method/1/orders": [2, 0]}, "short.toml: method[1].orders[1]: 0; give at least 1"),
-    "order of horizon": ({"method/0/order": 13}, "method[0]: setting 'attitude', 155 samples of 0.02 s: ssarx: order 13 is above "
-                                                 "the largest possible, 12"),
+    "order of horizon": (
+        {"method/0/order": 13},
+        "method[0]: setting 'attitude', 155 samples of 0.02 s: ssarx: order 13 is above the largest possible, 12",
+    ),
     "huge order": ({"method/0/order": 2**62}, "the largest possible, 12"),
     "horizon of data": ({"method/0/settings/past": 18}, "the largest possible past + future is 22"),
     "huge horizon": ({"method/0/settings/past": 2**62}, "the largest possible past + future is 22"),
-    "twice": ({"method/1": {"name": "ssarx", "order": 5}}, "method[1]: ssarx of order 5 stands in setting 'attitude' twice"),
-    "setting twice": ({"setting": [{"name": "rates"}, {"name": "rates"}]}, "short.toml: setting[1].name: 'rates' is given twice"),
-    "setting without method": ({"setting": [{"name": "attitude"}, {"name": "rates"}], "method/0/setting": "attitude",
-                                "method/1/setting": "attitude"}, "short.toml: setting[1]: no method for 'rates'"),
-    "setting name": ({"setting/0/name": "attitud"}, "'attitud' is no setting of plant quadrotor excited at "
-                     "'attitude_setpoint'; did you mean 'attitude'?"),
+    "twice": (
+        {"method/1": {"name": "ssarx", "order": 5}},
+        "method[1]: ssarx of order 5 stands in setting 'attitude' twice",
+    ),
+    "setting twice": (
+        {"setting": [{"name": "rates"}, {"name": "rates"}]},
+        "short.toml: setting[1].name: 'rates' is given twice",
+    ),
+    "setting without method": (
+        {
+            "setting": [{"name": "attitude"}, {"name": "rates"}],
+            "method/0/setting": "attitude",
+            "method/1/setting": "attitude",
+        },
+        "short.toml: setting[1]: no method for 'rates'",
+    ),
+    "setting name": (
+        {"setting/0/name": "attitud"},
+        "'attitud' is no setting of plant quadrotor excited at 'attitude_setpoint'; did you mean 'attitude'?",
+    ),
     "path as name": ({"name": "../short"}, "short.toml: name: '../short'; use at most 60 letters, digits, _ and -"),
-    "path as setting": ({"setting/0/name": "../rates"}, "short.toml: setting[0].name: '../rates'; use at most 60 letters"),
+    "path as setting": (
+        {"setting/0/name": "../rates"},
+        "short.toml: setting[0].name: '../rates'; use at most 60 letters",
+    ),
     "long name": ({"name": "x" * 61}, "use at most 60 letters"),
     "decimate 0": ({"setting/0/decimate": 0}, "short.toml: setting[0].decimate: 0; give a whole number of at least 1"),
     "decimate all": ({"setting/0/decimate": 1000}, "decimate: 1000 leaves one sample of 3.1 s; give at most 388"),
     "discard all": ({"data/discard_s": 4.0}, "short.toml: data.discard_s: 4 s discards the whole record of 3.1 s"),
     "discard most": ({"data/discard_s": 3.0}, "method[0]: setting 'attitude', 5 samples"),
     "horizons_s": ({"score/horizons_s": [0.1, 0.0]}, "short.toml: score.horizons_s[1]: 0.0; give positive seconds"),
-    "horizons_s beyond": ({"score/horizons_s": [1e12]}, "short.toml: score.horizons_s[0]: 1e+12 s is beyond the 3.1 s of data"),
-    "rank_by": ({"score/rank_by": ["pole_error"]}, "short.toml: score.rank_by[0]: 'pole_error' is no metric; did you mean"),
+    "horizons_s beyond": (
+        {"score/horizons_s": [1e12]},
+        "short.toml: score.horizons_s[0]: 1e+12 s is beyond the 3.1 s of data",
+    ),
+    "rank_by": (
+        {"score/rank_by": ["pole_error"]},
+        "short.toml: score.rank_by[0]: 'pole_error' is no metric; did you mean",
+    ),
     "rank_by empty": ({"score/rank_by": []}, "short.toml: score.rank_by: is empty"),
-    "band": ({"score/bands_hz": {"attitude": [5.0, 1.0]}}, "short.toml: score.bands_hz.attitude: [5.0, 1.0]; give [low, high]"),
-    "band over Nyquist": ({"score/bands_hz": {"attitude": [1.0, 60.0]}}, "score.bands_hz.attitude[1]: 60 Hz exceeds the Nyquist "
-                                                                       "frequency 25 Hz of this setting (decimation 5)"),
+    "band": (
+        {"score/bands_hz": {"attitude": [5.0, 1.0]}},
+        "short.toml: score.bands_hz.attitude: [5.0, 1.0]; give [low, high]",
+    ),
+    "band over Nyquist": (
+        {"score/bands_hz": {"attitude": [1.0, 60.0]}},
+        "score.bands_hz.attitude[1]: 60 Hz exceeds the Nyquist frequency 25 Hz of this setting (decimation 5)",
+    ),
     # excitation
     "kind": ({"excitation/kind": "prsb"}, "short.toml: excitation.kind: 'prsb'; did you mean 'prbs'?"),
     "signal order": ({"excitation/order": 1}, "short.toml: excitation: prbs: order: 1"),
     "signal length": ({"excitation/order": 30}, "short.toml: excitation: prbs: order: 30"),
-    "signal dt": ({"excitation/dt": 0.006}, "short.toml: excitation: quadrotor: signal dt 0.006 s is not a whole multiple"),
+    "signal dt": (
+        {"excitation/dt": 0.006},
+        "short.toml: excitation: quadrotor: signal dt 0.006 s is not a whole multiple",
+    ),
     # roles of one's own
-    "role": (OWN | {"setting/0/inputs": ["roll_rf"]}, "short.toml: setting[0]: roles: no recorded channel 'roll_rf'; did"),
+    "role": (
+        OWN | {"setting/0/inputs": ["roll_rf"]},
+        "short.toml: setting[0]: roles: no recorded channel 'roll_rf'; did",
+    ),
     "half of the roles": (OWN | {"setting/0/outputs": None}, "short.toml: setting[0].outputs: missing"),
-    "role twice": (OWN | {"setting/0/outputs": ["roll_ref"]}, "short.toml: setting[0].outputs: 'roll_ref' is an input too"),
+    "role twice": (
+        OWN | {"setting/0/outputs": ["roll_ref"]},
+        "short.toml: setting[0].outputs: 'roll_ref' is an input too",
+    ),
     "no decimation": (OWN | {"setting/0/decimate": None}, "short.toml: setting[0].decimate: missing"),
-    "no truth to rank by": (OWN | {"score/rank_by": ["frf_error_h2"]}, "score.rank_by[0]: 'frf_error_h2' needs a truth"),
+    "no truth to rank by": (
+        OWN | {"score/rank_by": ["frf_error_h2"]},
+        "score.rank_by[0]: 'frf_error_h2' needs a truth",
+    ),
     # expectations
-    "bound": ({"expect": {"best.fit_clean.median": "== 3"}}, 'expect."best.fit_clean.median": \'== 3\'; give a comparison'),
+    "bound": (
+        {"expect": {"best.fit_clean.median": "== 3"}},
+        "expect.\"best.fit_clean.median\": '== 3'; give a comparison",
+    ),
     "bound number": ({"expect": {"best.fit_clean.median": 3}}, "give a comparison such as"),
     "bound text": ({"expect": {"best.fit_clean.median": "<= 1e"}}, "give a comparison such as"),
     "key": ({"expect": {"fit_clean": "<= 3"}}, 'short.toml: expect."fit_clean": give "method.metric.statistic"'),
     "metric": ({"expect": {"best.fit_cln.median": "<= 3"}}, "'fit_cln' is not known here; did you mean 'fit_clean'?"),
     "statistic": ({"expect": {"best.fit_clean.medan": "<= 3"}}, "'medan' is not known here; did you mean 'median'?"),
     "method of key": ({"expect": {"iem.fit_clean.median": "<= 3"}}, "'iem' is not known here; known: arx, best, ssarx"),
-    "setting of key": ({"expect": {"rates.best.fit_clean.median": "<= 3"}}, "'rates' is not known here; known: attitude"),
+    "setting of key": (
+        {"expect": {"rates.best.fit_clean.median": "<= 3"}},
+        "'rates' is not known here; known: attitude",
+    ),
     # what the plant cannot be
     "too heavy": ({"plant/parameters": {"mass": 1.0}}, "short.toml: plant: quadrotor: mass 1 kg needs"),
-    "no truth": ({"plant/parameters": {"rate_kp": 0.0}}, "plant.parameters: {'rate_kp': 0.0} leave setting 'attitude' without"),
-}  # fmt: skip
+    "no truth": (
+        {"plant/parameters": {"rate_kp": 0.0}},
+        "plant.parameters: {'rate_kp': 0.0} leave setting 'attitude' without",
+    ),
+}
 
 
 @pytest.fixture
@@ -242,7 +316,10 @@ DULL = {"excitation/order": 3, "excitation/periods": 40, "setting/0/decimate": 2
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"excitation/amplitude": [2.0, 31.0, 5.0]}, "channel 'pitch_ref' reaches -31 deg, outside the plant's limits -30 to 30"),
+        (
+            {"excitation/amplitude": [2.0, 31.0, 5.0]},
+            "channel 'pitch_ref' reaches -31 deg, outside the plant's limits -30 to 30",
+        ),
         (DULL, "ssarx n=5 needs an input persistently exciting of order 5, the design has order 2"),
     ],
     ids=["beyond the limits", "not exciting enough"],
@@ -261,7 +338,7 @@ def test_files_that_are_no_scenario(tmp_path):
     path.write_bytes(b"\xff\xfe\x00\x01")
     assert excite("run", path)[0] == 2
     assert "neither a file nor shipped" in excite("run", tmp_path)[2]
-    path.write_text('data = 3\n')
+    path.write_text("data = 3\n")
     assert "name: missing" in excite("run", path, "--runs", "3")[2]
 
 
@@ -306,7 +383,14 @@ def test_the_folder_is_whole(finished):
     recordings = {f"recordings/{n}.npz" for n in ("estimation_00", "estimation_01", "validation_00", "clean_00")}
     models = {f"models/attitude/{m}/run_0{k}.json" for m in ("ssarx-n5", "arx-n2", "arx-n3") for k in range(2)}
     figures = {name for name in names if name.startswith("figures/")}
-    single = {"scenario.toml", "excitation.csv", "excitation.csv.json", "certificate.json", "scores.json", "report.html"}
+    single = {
+        "scenario.toml",
+        "excitation.csv",
+        "excitation.csv.json",
+        "certificate.json",
+        "scores.json",
+        "report.html",
+    }
     single |= {"validation_00.csv", "validation_00.csv.json"}
     assert names - figures == recordings | models | single
     assert {"figures/excitation.svg", "figures/attitude-poles.svg", "figures/attitude-bode.svg"} <= figures
@@ -391,7 +475,10 @@ def test_an_unwritable_folder_is_named(tmp_path):
 
 
 def test_a_folder_in_use_is_refused_until_it_is_free(tmp_path):
-    with open_folder(tmp_path / "out", changed({})), pytest.raises(ExciteError, match="another run is working in this folder"):
+    with (
+        open_folder(tmp_path / "out", changed({})),
+        pytest.raises(ExciteError, match="another run is working in this folder"),
+    ):
         run(tmp_path / "out")
     assert run(tmp_path / "out")["settings"]
 
@@ -465,7 +552,11 @@ def test_a_method_that_fails_has_its_reason_in_the_row(tmp_path, monkeypatch):
     code, out, _ = excite("run", write(tmp_path, {"expect": expect}), "-o", tmp_path / "out", "--jobs", "1")
     assert code == 0 and "nothing could be found" in out
     rows = scores(tmp_path / "out")["settings"]["attitude"]["ranking"]
-    assert (rows[-1]["method"], rows[-1]["reason"], rows[-1]["rank_value"]) == ("ssarx", "ssarx: nothing could be found", None)
+    assert (rows[-1]["method"], rows[-1]["reason"], rows[-1]["rank_value"]) == (
+        "ssarx",
+        "ssarx: nothing could be found",
+        None,
+    )
     assert rows[-1]["metrics"] == {} and rows[0]["reason"] is None
 
 
@@ -508,8 +599,11 @@ def start(folder, changes):
     scenario = write(folder, changes)
     process = subprocess.Popen(
         [sys.executable, "-m", "excite", "run", str(scenario), "-o", str(folder / "out"), "--jobs", "2"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     give_up = time.monotonic() + 60
     while not list((folder / "out").glob("recordings/*.npz")):
         assert process.poll() is None and time.monotonic() < give_up, process.communicate()
@@ -576,5 +670,7 @@ def test_parts_play_one_after_the_other_with_rest_between(tmp_path):
     assert doublets > 0 and not signal.u[doublets : doublets + 125].any()
     assert (np.abs(signal.u[-31 * 25 :]) == 2.0).all() and signal.recipe["kind"] == "in_sequence"
     unknown = write(tmp_path, {"excitation": [parts[0] | {"unit_ms": 3}]})
-    with pytest.raises(ExciteError, match=r"short\.toml: excitation\[0\]\.unit_ms: unknown key for a multistep; did you mean"):
+    with pytest.raises(
+        ExciteError, match=r"short\.toml: excitation\[0\]\.unit_ms: unknown key for a multistep; did you mean"
+    ):
         load_scenario(str(unknown))

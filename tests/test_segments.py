@@ -13,8 +13,20 @@ from identify.metrics import impulse_error
 from identify.preprocess import gap_free
 
 METHODS = [
-    "arx", "cva", "iem", "moesp", "n4sid", "parsim_k", "pbsid", "pi_moesp", "po_moesp", "ssarx", "ssinnov1", "ssinnov2", "wfa",
-]  # fmt: skip
+    "arx",
+    "cva",
+    "iem",
+    "moesp",
+    "n4sid",
+    "parsim_k",
+    "pbsid",
+    "pi_moesp",
+    "po_moesp",
+    "ssarx",
+    "ssinnov1",
+    "ssinnov2",
+    "wfa",
+]
 
 
 def with_gaps(data, u=(), y=()):
@@ -56,11 +68,15 @@ def test_the_estimate_says_what_the_gaps_cost():
 def test_too_little_left_is_refused_with_what_is_needed():
     data, _ = example()
     holes = with_gaps(data, y=range(0, 1500, 30))
-    with pytest.raises(Unsupported, match=r"need 160 Hankel columns, but the data leave 0 in 50 gap-free parts; the largest"):
+    with pytest.raises(
+        Unsupported, match=r"need 160 Hankel columns, but the data leave 0 in 50 gap-free parts; the largest"
+    ):
         fit(holes, "ssarx", 4)
     with pytest.raises(ExciteError, match=r"record 1: each of its 1500 samples misses a value"):
         fit((data, with_gaps(data, u=range(1500))), "n4sid", 4)
-    with pytest.raises(ExciteError, match=r"order 12 is above the largest possible, 11"):  # 3 (30 - 12) columns of 12 rows
+    with pytest.raises(
+        ExciteError, match=r"order 12 is above the largest possible, 11"
+    ):  # 3 (30 - 12) columns of 12 rows
         fit(holes.window(0, 90), "arx", 12)
 
 

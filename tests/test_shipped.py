@@ -20,6 +20,8 @@ def test_shipped_scenario_meets_its_expectations(name, tmp_path):
     scores = json.loads((tmp_path / "run" / "scores.json").read_text())
     missed = [e for e in scores["expectations"] if not e["met"]]
     assert (code, missed) == (0, []) and scores["expectations"]
-    reasons = {row["method"]: row["reason"] for s in scores["settings"].values() for row in s["ranking"] if row["reason"]}
+    reasons = {
+        row["method"]: row["reason"] for s in scores["settings"].values() for row in s["ranking"] if row["reason"]
+    }
     assert reasons == {}
     assert (tmp_path / "run" / "report.html").stat().st_size > 10_000

@@ -53,7 +53,7 @@ def mac(a, b):
 def test_modes_of_a_structure(responses, name):
     """Frequencies within 0.5 % and shapes with a MAC above 0.99 in every run; damping without bias, and with the scatter
     that a single resonance allows: for an AR(2) with poles of modulus 1 - d, var d = d / N, hence var zeta = zeta / (w T).
-    """  # fmt: skip
+    """
     found = [modes(fit(run, name, 6).model) for run in responses]
     frequency, damping = (np.array([f[i] for f in found]) for i in range(2))
     assert np.abs(frequency / OMEGA - 1).max() < 0.005

@@ -124,7 +124,7 @@ def test_differentiating_first_ruins_the_same_records(miller_31, example_3_1):
 def test_slow_real_poles_of_a_foster_network(cases):
     """Time constants .5, 2, 8, 30 s, Ts .5 s, sigma .002: printed .0084. A projection without the column of the step's
     own instant has .026; with it the two forms are on a par.
-    """  # fmt: skip
+    """
     medians = {}
     for form in FORMS:
         errors = []
@@ -143,7 +143,11 @@ def test_steps_refuse_what_they_cannot_use(system):
     noisy_input = one.u + 1e-3 * np.random.default_rng(0).standard_normal(one.u.shape)
     refused = [
         ("for 1 at most; it is not a step \\(give it as commanded", Experiment(noisy_input, one.y, dt=1.0), {}),
-        ("block_rows 400 needs an input .* 402 samples .* for 105 at most; give at most 103", [one, two], {"block_rows": 400}),
+        (
+            "block_rows 400 needs an input .* 402 samples .* for 105 at most; give at most 103",
+            [one, two],
+            {"block_rows": 400},
+        ),
         ("every input is zero throughout", Experiment(0 * one.u, one.y, dt=1.0), {}),
         ("the data have no input", Experiment(None, one.y, dt=1.0), {}),
         ("input 'u2' has no step in any record", one, {}),

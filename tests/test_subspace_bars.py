@@ -39,12 +39,25 @@ def horizons(name, rows):
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
-        *((name, {}) for name in (
-            "ssarx", "cva", "n4sid", "po_moesp", "pi_moesp", "ssinnov1", "ssinnov2", "iem", "pbsid", "parsim_k", "wfa",
-        )),
+        *(
+            (name, {})
+            for name in (
+                "ssarx",
+                "cva",
+                "n4sid",
+                "po_moesp",
+                "pi_moesp",
+                "ssinnov1",
+                "ssinnov2",
+                "iem",
+                "pbsid",
+                "parsim_k",
+                "wfa",
+            )
+        ),
         ("n4sid", {"algorithm": "robust"}),
     ],
-)  # fmt: skip
+)
 def test_open_loop_reaches_the_cramer_rao_bound(open_runs, name, settings):
     settings = {"feedthrough": True, **settings, **horizons(name, 20)}
     errors = [impulse_error(fit(run, name, 1, **settings).model, OPEN_TRUTH) for run in open_runs]

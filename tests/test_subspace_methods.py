@@ -43,17 +43,26 @@ def oscillators(n):
     rng = np.random.default_rng(n)
     z = 0.9 * np.exp(1j * np.linspace(0.3, 2.6, n // 2))
     A = la.block_diag(*[[[p.real, p.imag], [-p.imag, p.real]] for p in z])
-    return StateSpaceModel(A, rng.standard_normal((n, 2)), rng.standard_normal((3, n)), rng.standard_normal((3, 2)), 1.0)
+    return StateSpaceModel(
+        A, rng.standard_normal((n, 2)), rng.standard_normal((3, n)), rng.standard_normal((3, 2)), 1.0
+    )
 
 
 @pytest.mark.parametrize("n", [2, 6, 12])
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
-        ("moesp", {}), ("pi_moesp", {}), ("po_moesp", {}), ("n4sid", {}), ("n4sid", {"weight": "moesp"}), ("cva", {}),
-        ("n4sid", ROBUST), ("n4sid", ROBUST | {"weight": "moesp"}), ("cva", ROBUST),
+        ("moesp", {}),
+        ("pi_moesp", {}),
+        ("po_moesp", {}),
+        ("n4sid", {}),
+        ("n4sid", {"weight": "moesp"}),
+        ("cva", {}),
+        ("n4sid", ROBUST),
+        ("n4sid", ROBUST | {"weight": "moesp"}),
+        ("cva", ROBUST),
     ],
-)  # fmt: skip
+)
 def test_exact_without_noise(name, settings, n):
     truth, rng = oscillators(n), np.random.default_rng(n)
     u, x0 = rng.standard_normal((1500, 2)), rng.standard_normal(n)
@@ -170,7 +179,11 @@ def printed(path):
             rows = found.setdefault(title[1], [])
         elif rows is not None and (numbers := re.findall(r"-?\d+\.\d+", line)):
             rows.append([float(x) for x in numbers])
-    return {name: np.array(rows) if len({*map(len, rows)}) == 1 else np.concatenate(rows) for name, rows in found.items() if rows}
+    return {
+        name: np.array(rows) if len({*map(len, rows)}) == 1 else np.concatenate(rows)
+        for name, rows in found.items()
+        if rows
+    }
 
 
 def record(name):
@@ -189,13 +202,17 @@ def test_n4sid_robust_with_the_moesp_weight_is_the_combined_method_of_slicot_and
     """
     data, n, tolerance = record(name)
     estimate = fit(data, "n4sid", n, past=15, future=15, weight="moesp", algorithm="robust")
-    peer = np.load(shared("octave_cd_player", f"octave_moen4_{'hairdryer_TIB01' if name == 'dryer' else 'CD_player'}.npz"))
+    peer = np.load(
+        shared("octave_cd_player", f"octave_moen4_{'hairdryer_TIB01' if name == 'dryer' else 'CD_player'}.npz")
+    )
     theirs = StateSpaceModel(*(peer[key] for key in ("Ae", "Be", "Ce", "De")), data.dt)
     assert pole_error(theirs.poles(), estimate.model.poles()) < 5e-4
     np.testing.assert_allclose(estimate.model.impulse(60), theirs.impulse(60), atol=tolerance)
     if name == "dryer":
         print_K = printed(shared("slicot_tib01", "IB01BD.res"))["Kalman gain matrix"]
-        noise = [lti.markov(m.A, K, m.C, np.eye(1), 40) for m, K in ((theirs, print_K), (estimate.model, estimate.model.K))]
+        noise = [
+            lti.markov(m.A, K, m.C, np.eye(1), 40) for m, K in ((theirs, print_K), (estimate.model, estimate.model.K))
+        ]
         np.testing.assert_allclose(noise[1], noise[0], atol=1e-3)
 
 
@@ -211,7 +228,9 @@ def test_po_moesp_is_slicots_moesp_with_b_d_and_x0_from_all_samples():
     ours, theirs = estimate.model, StateSpaceModel(A, B, C, D, data.dt)
     assert pole_error(theirs.poles(), ours.poles()) < 5e-4
     np.testing.assert_allclose(ours.impulse(60), theirs.impulse(60), atol=1e-4)
-    free = [m.simulate(np.zeros((60, 1)), x0) for m, x0 in ((ours, estimate.x0[0]), (theirs, p["initial state vector"][0]))]
+    free = [
+        m.simulate(np.zeros((60, 1)), x0) for m, x0 in ((ours, estimate.x0[0]), (theirs, p["initial state vector"][0]))
+    ]
     np.testing.assert_allclose(free[0], free[1], atol=5e-3)  # x0 of 11 times four decimals
 
 
@@ -251,7 +270,9 @@ def test_one_guard_serves_every_method(name, settings):
 
 
 def twice(data):
-    return replace(data, u=data.u[:, [0, 0]]), r"inputs 'u1' and 'u2' are multiples of each other .* excite them independently"
+    return replace(
+        data, u=data.u[:, [0, 0]]
+    ), r"inputs 'u1' and 'u2' are multiples of each other .* excite them independently"
 
 
 def scaled(data):
@@ -284,7 +305,9 @@ def tiny(data):
 
 def sines(data):
     t = np.arange(len(data))
-    return replace(data, u=np.column_stack([np.sin(0.3 * t), np.sin(0.5 * t)])), r"persistently exciting of order \d, but \d+"
+    return replace(
+        data, u=np.column_stack([np.sin(0.3 * t), np.sin(0.5 * t)])
+    ), r"persistently exciting of order \d, but \d+"
 
 
 @pytest.mark.filterwarnings("error")
@@ -323,7 +346,9 @@ def test_bad_settings_are_refused_by_name(name, settings, message):
         load_method(name, **settings)
 
 
-@pytest.mark.parametrize(("name", "settings"), [("pi_moesp", {"block_rows": 6}), ("ssinnov1", {"future": 12}), ("moesp", {})])
+@pytest.mark.parametrize(
+    ("name", "settings"), [("pi_moesp", {"block_rows": 6}), ("ssinnov1", {"future": 12}), ("moesp", {})]
+)
 def test_the_largest_order_can_be_realised(name, settings):
     """One input, three outputs: the responses to u have fewer columns than rows."""
     rng = np.random.default_rng(0)

@@ -42,13 +42,19 @@ def test_blocks_hold_every_sample_once_and_then_zeros(samples, size):
 
 @settings(max_examples=100, deadline=None)
 @given(
-    seed=st.integers(0, 10**6), lengths=LENGTHS, real=st.integers(0, 2), pairs=st.integers(0, 2), driving=st.integers(0, 3),
+    seed=st.integers(0, 10**6),
+    lengths=LENGTHS,
+    real=st.integers(0, 2),
+    pairs=st.integers(0, 2),
+    driving=st.integers(0, 3),
     radius=st.sampled_from([1e-30, 0.3, 0.99, 1 - 1e-6]),
-)  # fmt: skip
+)
 def test_modal_sums_are_those_of_filtered_samples(seed, lengths, real, pairs, driving, radius):
     rng = np.random.default_rng(seed)
     half = radius * np.exp(1j * rng.uniform(0.1, 3, pairs))
-    modes = np.concatenate([radius * rng.uniform(-1, 1, real + (pairs == 0)), np.stack([half, half.conj()], -1).ravel()])
+    modes = np.concatenate(
+        [radius * rng.uniform(-1, 1, real + (pairs == 0)), np.stack([half, half.conj()], -1).ravel()]
+    )
     records = [rng.standard_normal((N, 3)) for N in lengths]
     on_data, own, decay_on_data, decay_on_own = 0.0, 0.0, [], []
     for w in records:
@@ -63,6 +69,11 @@ def test_modal_sums_are_those_of_filtered_samples(seed, lengths, real, pairs, dr
         decay_on_data.append(on[driving])
         decay_on_own.append(products[driving])
     found = modal_sums(records, correlate(records, 0).circular, modes, driving)
-    for name, value in (("on_data", on_data), ("own", own), ("decay_on_data", decay_on_data), ("decay_on_own", decay_on_own)):
+    for name, value in (
+        ("on_data", on_data),
+        ("own", own),
+        ("decay_on_data", decay_on_data),
+        ("decay_on_own", decay_on_own),
+    ):
         size = np.abs(value).max(initial=1.0)
         np.testing.assert_allclose(getattr(found, name), value, atol=1e-9 * size, err_msg=name)

@@ -80,7 +80,7 @@ def test_the_flight_test_sweep_of_ardupilot():
     )
     u = sweep(
         dt=dt, start_hz=0.5, stop_hz=40, duration_s=record + dt, fade_in_s=15, fade_out_s=2, dwell_cycles=2, amplitude=3
-    ).u  # fmt: skip
+    ).u
     np.testing.assert_allclose(u[:, 0], 3 * window * np.sin(phase), atol=1e-8)
 
 
@@ -89,7 +89,9 @@ def test_the_flight_test_sweep_of_ardupilot():
 def test_schroeder_has_flat_lines_in_the_band_only(length, low, width, periods):
     high = min(low + width, 0.5)
     assume(low * length >= 1)
-    signal = sweep(form="schroeder", dt=1.0, start_hz=low, stop_hz=high, duration_s=length, periods=periods, amplitude=2.5)
+    signal = sweep(
+        form="schroeder", dt=1.0, start_hz=low, stop_hz=high, duration_s=length, periods=periods, amplitude=2.5
+    )
     assert signal.period == length and len(signal.u) == periods * length
     lines = np.abs(np.fft.rfft(signal.u[:length, 0]))
     k = np.arange(len(lines))
@@ -113,9 +115,15 @@ frequencies = st.lists(st.floats(0.2, 40), min_size=1, max_size=6)
 def test_stepped_sines_measure_whole_periods(asked, measure, settle, count):
     profile = [1 + i / 10 for i in range(len(asked))]
     signal = sweep(
-        form="stepped", dt=0.01, frequencies_hz=asked, measure_periods=measure, settle_periods=settle, profile=profile,
-        channels=count, amplitude=2.0,
-    )  # fmt: skip
+        form="stepped",
+        dt=0.01,
+        frequencies_hz=asked,
+        measure_periods=measure,
+        settle_periods=settle,
+        profile=profile,
+        channels=count,
+        amplitude=2.0,
+    )
     segments = signal.recipe["segments"]
     assert len(segments) == count * len(asked)
     end = 0
@@ -124,7 +132,10 @@ def test_stepped_sines_measure_whole_periods(asked, measure, settle, count):
         begin, end = step["start"] + step["settle"], step["start"] + step["settle"] + step["measure"]
         assert step["f_hz"] * step["measure"] * 0.01 == pytest.approx(measure, rel=1e-12)
         assert step["settle"] * 0.01 >= settle / step["f_hz"] - 1e-9
-        assert abs(step["measure"] - measure / (step["asked_hz"] * 0.01)) <= 0.5 + 1e-9 or step["measure"] == 2 * measure + 1
+        assert (
+            abs(step["measure"] - measure / (step["asked_hz"] * 0.01)) <= 0.5 + 1e-9
+            or step["measure"] == 2 * measure + 1
+        )
         lines = np.fft.rfft(signal.u[begin:end, step["channel"]]) / step["measure"] * 2
         assert abs(lines[measure]) == pytest.approx(2.0 * profile[i % len(asked)], rel=1e-9)
         assert step["amplitude"] == pytest.approx(abs(lines[measure]))
@@ -202,7 +213,10 @@ STEPPED = {"form": "stepped", "start_hz": None, "stop_hz": None, "duration_s": N
         ({"amplitude": 0}, "sweep: amplitude: 0; every amplitude must be positive"),
         ({"amplitude": math.inf}, "sweep: amplitude: inf;"),
         ({"form": "schroeder", "fade_in_s": 1}, "sweep: fade_in_s: 1; the form 'schroeder' does not use it"),
-        ({"form": "schroeder", "start_hz": 10, "stop_hz": 1}, "no multiple of 0.1 Hz lies between start_hz and stop_hz"),
+        (
+            {"form": "schroeder", "start_hz": 10, "stop_hz": 1},
+            "no multiple of 0.1 Hz lies between start_hz and stop_hz",
+        ),
         (STEPPED, "sweep: start_hz: None; the form 'stepped' needs start_hz and stop_hz, or frequencies_hz"),
         (STEPPED | {"frequencies_hz": []}, "sweep: frequencies_hz: []; give a list of frequencies in Hz"),
         (STEPPED | {"frequencies_hz": [1, 70]}, "sweep: frequencies_hz[1]: 70; it exceeds the Nyquist frequency"),
@@ -211,8 +225,14 @@ STEPPED = {"form": "stepped", "start_hz": None, "stop_hz": None, "duration_s": N
         (STEPPED | {"frequencies_hz": [1], "settle_periods": -1}, "sweep: settle_periods: -1;"),
         (STEPPED | {"frequencies_hz": [1], "settle_periods": 1e200}, "exceed 200000000 values"),
         (STEPPED | {"frequencies_hz": [1, 2], "profile": [1, 2, 3]}, "one for each of the 2 frequencies"),
-        (STEPPED | {"frequencies_hz": [1, 2], "profile": [1, 0]}, "sweep: profile: [1, 0]; every profile must be positive"),
-        (STEPPED | {"frequencies_hz": [1], "duration_s": 3}, "sweep: duration_s: 3; the form 'stepped' does not use it"),
+        (
+            STEPPED | {"frequencies_hz": [1, 2], "profile": [1, 0]},
+            "sweep: profile: [1, 0]; every profile must be positive",
+        ),
+        (
+            STEPPED | {"frequencies_hz": [1], "duration_s": 3},
+            "sweep: duration_s: 3; the form 'stepped' does not use it",
+        ),
     ],
 )
 def test_bad_parameters_are_named(parameters, message):

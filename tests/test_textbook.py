@@ -63,7 +63,9 @@ def test_miller_41_has_the_printed_noise():
     expected = [(C @ P @ C.T).item() + 1, *((C @ np.linalg.matrix_power(A, lag) @ P @ C.T).item() for lag in (1, 2, 3))]
     v = noise_of(miller_41(), 400_000).y[:, 0]
     np.testing.assert_allclose(covariance(v, 4), expected, atol=0.02 * expected[0])
-    h = lfilter([0, 0, 0.05], [1, -1.8, 0.85], np.eye(1, 400)[0])  # C_v (z I - A_v)^-1 B_v = 0.2 * 0.25 / ((z - 0.9)^2 + 0.04)
+    h = lfilter(
+        [0, 0, 0.05], [1, -1.8, 0.85], np.eye(1, 400)[0]
+    )  # C_v (z I - A_v)^-1 B_v = 0.2 * 0.25 / ((z - 0.9)^2 + 0.04)
     v = noise_of(miller_41("coloured"), 400_000).y[:, 0]
     np.testing.assert_allclose(covariance(v, 4), covariance(h, 4) * len(h), rtol=0.05)
 
@@ -71,7 +73,9 @@ def test_miller_41_has_the_printed_noise():
 def test_miller_51_is_the_case(cases):
     u, y, clean = cases.miller_51(1, N=100_000)
     plant = miller_51()
-    np.testing.assert_allclose(played(plant, u[:2000, None] / 10, noise=False).y[BURNT:, 0] * 10, clean[BURNT:2000], atol=1e-9)
+    np.testing.assert_allclose(
+        played(plant, u[:2000, None] / 10, noise=False).y[BURNT:, 0] * 10, clean[BURNT:2000], atol=1e-9
+    )
     v = noise_of(plant, 200_000).y[:, 0]
     np.testing.assert_allclose(covariance(v, 4), covariance(y - clean, 4), atol=0.03 * (y - clean).var())
     w = np.random.default_rng(0).standard_normal((200_000, 1))
@@ -171,7 +175,9 @@ def test_the_pendulum_has_the_tutorials_poles_and_only_a_closed_loop():
     np.testing.assert_allclose(np.sort(s.real), [-5.6041, -0.1428, 0, 5.5651], atol=1e-4)
     assert set(plant.injections) == {"setpoint", "plant_input"}
     recording = plant.run(Signal(np.tile([0.1, 0.0], (1000, 1)), plant.dt), noise=False)
-    np.testing.assert_allclose(recording.columns(("position", "angle"))[-1], [0.1, 0], atol=1e-3)  # it follows its set-point
+    np.testing.assert_allclose(
+        recording.columns(("position", "angle"))[-1], [0.1, 0], atol=1e-3
+    )  # it follows its set-point
 
 
 def test_dead_time_delays_exactly():

@@ -55,7 +55,10 @@ def test_logarithmic_samples_are_those_of_the_same_response():
     np.testing.assert_array_equal(recording.values[:, 0], np.where(t < 10, 5.0, 2.0))
     noisy = p.run(Signal(u, 0.1), seed=3, noise={"measurement": 0.03})
     assert (noisy.values - recording.values)[:, 1].std() == pytest.approx(0.03, rel=0.1)
-    assert noisy.values.tobytes() == p.run_many(Signal(u, 0.1), seeds=[2, 3], noise={"measurement": 0.03})[1].values.tobytes()
+    assert (
+        noisy.values.tobytes()
+        == p.run_many(Signal(u, 0.1), seeds=[2, 3], noise={"measurement": 0.03})[1].values.tobytes()
+    )
 
 
 def test_observed_nodes_share_their_time_constants():

@@ -54,7 +54,10 @@ def test_missing_samples_are_allowed_in_experiments_and_not_in_signals():
         (lambda: Experiment([1], [1]), "give dt in seconds, or time_s"),
         (lambda: Experiment([1], [1], dt=-1.0), r"Experiment\.dt: -1\.0 is not a positive finite number"),
         (lambda: Experiment([1], [1], dt="fast"), r"Experiment\.dt: 'fast' is not a positive"),
-        (lambda: Experiment([1, 2], [1, 2], time_s=[0, 0]), r"Experiment\.time_s: time does not increase after sample 0"),
+        (
+            lambda: Experiment([1, 2], [1, 2], time_s=[0, 0]),
+            r"Experiment\.time_s: time does not increase after sample 0",
+        ),
         (lambda: Experiment([1, 2], [1, 2], dt=1.0, period=0), r"Experiment\.period: 0; give a positive number"),
         (lambda: Experiment([[1, 2]], [1], dt=1.0, inputs=["a", "a"]), "duplicate names"),
         (lambda: Experiment([[1, 2]], [1], dt=1.0, inputs=["a"]), "1 names for 2 columns"),
@@ -62,7 +65,10 @@ def test_missing_samples_are_allowed_in_experiments_and_not_in_signals():
         (lambda: Loop(sign=0), r"Loop\.sign: 0; use -1 or 1"),
         (lambda: Loop(entry="somewhere"), r"Loop\.entry: 'somewhere'; known: plant input, set-point"),
         (lambda: Channel(" a"), "channel name ' a'"),
-        (lambda: StateSpaceModel([[1]], [[1, 2]], [[1]], [[0]], 1.0), r"StateSpaceModel\.B: shape \(1, 2\), expected \(1, 1\)"),
+        (
+            lambda: StateSpaceModel([[1]], [[1, 2]], [[1]], [[0]], 1.0),
+            r"StateSpaceModel\.B: shape \(1, 2\), expected \(1, 1\)",
+        ),
         (lambda: StateSpaceModel([[np.nan]], [[1]], [[1]], [[0]], 1.0), r"StateSpaceModel\.A: .* finite values"),
         (lambda: recording(default="c"), r"Recording\.default: 'c'; known: a, b"),
         (lambda: recording().experiment("aa"), "setting 'aa' is not recorded"),

@@ -40,7 +40,9 @@ def plant(A, B, C):
 
 
 MODES = plant(
-    la.block_diag(turn(0.95, 0.4), turn(0.9, 1.2)), [[1.0], [0.5], [0.8], [-0.6]], [[1.0, 0, 0.5, 0.3], [0, 0.7, -0.6, 1]]
+    la.block_diag(turn(0.95, 0.4), turn(0.9, 1.2)),
+    [[1.0], [0.5], [0.8], [-0.6]],
+    [[1.0, 0, 0.5, 0.3], [0, 0.7, -0.6, 1]],
 )
 UNSTABLE = plant(la.block_diag(1.05, turn(0.9, 0.8)), [[0.3], [1.0], [0.5]], [[1.0, 0.5, 0.2], [0, 1, 0.4]])
 HELD = la.expm(0.01 * np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [0, 0, -20, 20], [0, 0, 0, 0]]))
@@ -55,7 +57,17 @@ def structure_with_49_sensors():
 
 
 def play(
-    samples, seed, system=MODES, gain=None, noise=0.0, pole=0.0, process=0.0, on_input=0.0, hold=1, height=1.0, reference=False
+    samples,
+    seed,
+    system=MODES,
+    gain=None,
+    noise=0.0,
+    pole=0.0,
+    process=0.0,
+    on_input=0.0,
+    hold=1,
+    height=1.0,
+    reference=False,
 ):
     """u = r - gain y on x+ = A x + B u + w, y = C x + v; gain None: open loop.
 
@@ -70,9 +82,13 @@ def play(
     w = process * rng.standard_normal((samples, n))
     A, B, C, F = system.A, system.B, system.C, np.zeros((nu, ny)) if gain is None else np.atleast_2d(gain)
     direct = np.block([[np.eye(nu), -F, np.zeros((nu, n))], [np.zeros((ny, nu)), np.eye(ny), np.zeros((ny, n))]])
-    both = lti.simulate(A - B @ F @ C, np.hstack([B, -B @ F, np.eye(n)]), np.vstack([-F @ C, C]), direct, np.hstack([r, v, w]))
+    both = lti.simulate(
+        A - B @ F @ C, np.hstack([B, -B @ F, np.eye(n)]), np.vstack([-F @ C, C]), direct, np.hstack([r, v, w])
+    )
     u = both[:, :nu] + on_input * rng.standard_normal((samples, nu))
-    return Experiment(u, both[:, nu:], dt=1.0, reference=r if reference else None, loop=Loop(closed=gain is not None)), system
+    return Experiment(
+        u, both[:, nu:], dt=1.0, reference=r if reference else None, loop=Loop(closed=gain is not None)
+    ), system
 
 
 def prescribed(samples, seed, u, noise):
@@ -134,7 +150,9 @@ SITUATIONS = {
     "closed loop, no reference recorded; order of plant and noise": Situation(partial(play, **LOOP), order=6),
     "closed loop, reference recorded; order of the plant alone": Situation(partial(play, **LOOP, reference=True)),
     "closed loop, integrating plant": Situation(
-        partial(play, system=ATTITUDE, gain=[16.0, 8.0], noise=0.1, hold=10, height=16.0, reference=True), order=3, lags=40
+        partial(play, system=ATTITUDE, gain=[16.0, 8.0], noise=0.1, hold=10, height=16.0, reference=True),
+        order=3,
+        lags=40,
     ),
     "closed loop, unstable plant": Situation(
         partial(play, system=UNSTABLE, gain=[0.5, 0.0], process=0.2, noise=0.3, reference=True), order=3, lags=20
@@ -149,17 +167,23 @@ SITUATIONS = {
     "outputs alone": Situation(outputs_alone),
     "49 outputs, short record": Situation(
         partial(play, system=structure_with_49_sensors(), noise=np.geomspace(2, 15, 49)),
-        (1500,), order=12, arx=3, seeds=2, settings=SHORT_HORIZONS,
+        (1500,),
+        order=12,
+        arx=3,
+        seeds=2,
+        settings=SHORT_HORIZONS,
     ),
     "a very long record (300 000 samples)": Situation(partial(play, noise=0.8), (300_000,), seeds=2),
     "gaps: one sample in 50 missing": Situation(with_gaps, (2000,), seeds=5),
-}  # fmt: skip
+}
 
 
 def measured(name, seeds=None):
     """Errors of all methods that take the data: name -> one for each record length."""
     situation = SITUATIONS[name]
-    lengths = [[situation.build(samples, seed) for seed in range(seeds or situation.seeds)] for samples in situation.samples]
+    lengths = [
+        [situation.build(samples, seed) for seed in range(seeds or situation.seeds)] for samples in situation.samples
+    ]
     errors = {}
     for method in METHODS:
         try:
@@ -192,7 +216,11 @@ def table():
     for line in re.findall(r"^\| (.*) \|$", section, re.MULTILINE)[1:]:
         situation, *cells = (cell.strip() for cell in line.split(" | "))
         rows[situation] = tuple(
-            {m: why for group, why in re.findall(r"([^;(]+)(?:\(([^)]*)\))?", cell) for m in re.findall(r"`\w+`|the rest", group)}
+            {
+                m: why
+                for group, why in re.findall(r"([^;(]+)(?:\(([^)]*)\))?", cell)
+                for m in re.findall(r"`\w+`|the rest", group)
+            }
             for cell in cells
         )
     return rows

@@ -55,9 +55,18 @@ FORMATS: dict[str, Format] = {
 }
 
 __all__ = [
-    "FORMATS", "Format", "Table", "export", "load_experiment", "load_recording", "load_signal", "read_table",
-    "save_experiment", "save_recording", "save_signal",
-]  # fmt: skip
+    "FORMATS",
+    "Format",
+    "Table",
+    "export",
+    "load_experiment",
+    "load_recording",
+    "load_signal",
+    "read_table",
+    "save_experiment",
+    "save_recording",
+    "save_signal",
+]
 
 
 def read_table(path: str | os.PathLike) -> Table:
@@ -101,11 +110,18 @@ def load_experiment(
     time_s, dt = sampling(table, dt, time, u + y + r)
     with damaged(table.place):
         return Experiment(
-            table.values[:, u], table.values[:, y], dt=dt, time_s=time_s,
-            reference=table.values[:, r] if r else None, inputs=channels(table, u) if u else None, outputs=channels(table, y),
-            references=channels(table, r) if r else None, period=table.meta.get("period"),
-            loop=to_loop(table.meta.get("loop")), name=table.meta.get("name") or Path(path).stem,
-        )  # fmt: skip
+            table.values[:, u],
+            table.values[:, y],
+            dt=dt,
+            time_s=time_s,
+            reference=table.values[:, r] if r else None,
+            inputs=channels(table, u) if u else None,
+            outputs=channels(table, y),
+            references=channels(table, r) if r else None,
+            period=table.meta.get("period"),
+            loop=to_loop(table.meta.get("loop")),
+            name=table.meta.get("name") or Path(path).stem,
+        )
 
 
 def load_signal(

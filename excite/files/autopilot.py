@@ -32,10 +32,17 @@ DEFAULT_DT_S = 0.0025  # of a file without a sidecar: 400 Hz, ArduCopter's main 
 TOLERANCE = 0.01  # of the amplitude: parameters are float32, which moves the phase at the end of a long sweep
 MOST_SAMPLES = 10**8
 SID_AXES = {
-    1: Channel("roll", "deg"), 2: Channel("pitch", "deg"), 3: Channel("yaw", "deg"), 7: Channel("roll", "deg/s"),
-    8: Channel("pitch", "deg/s"), 9: Channel("yaw", "deg/s"), 10: Channel("roll"), 11: Channel("pitch"), 12: Channel("yaw"),
+    1: Channel("roll", "deg"),
+    2: Channel("pitch", "deg"),
+    3: Channel("yaw", "deg"),
+    7: Channel("roll", "deg/s"),
+    8: Channel("pitch", "deg/s"),
+    9: Channel("yaw", "deg/s"),
+    10: Channel("roll"),
+    11: Channel("pitch"),
+    12: Channel("yaw"),
     13: Channel("thrust"),
-}  # fmt: skip
+}
 FW_AXES = {1: Channel("roll", "deg/s"), 2: Channel("pitch", "deg/s"), 4: Channel("yaw", "deg/s")}
 FW_TYPES = {"linear": 1, "log": 2}
 
@@ -166,24 +173,36 @@ class Autopilot:
 
 
 ARDUPILOT = Autopilot(
-    "ArduPilot", SID_AXES, ("log",), 2,
+    "ArduPilot",
+    SID_AXES,
+    ("log",),
+    2,
     {
-        "amplitude": ("SID_MAGNITUDE", 0, np.inf), "start_hz": ("SID_F_START_HZ", 0.01, 100),
-        "stop_hz": ("SID_F_STOP_HZ", 0.01, 100), "fade_in_s": ("SID_T_FADE_IN", 0, 20),
-        "duration_s": ("SID_T_REC", 0, 255), "fade_out_s": ("SID_T_FADE_OUT", 0, 5),
+        "amplitude": ("SID_MAGNITUDE", 0, np.inf),
+        "start_hz": ("SID_F_START_HZ", 0.01, 100),
+        "stop_hz": ("SID_F_STOP_HZ", 0.01, 100),
+        "fade_in_s": ("SID_T_FADE_IN", 0, 20),
+        "duration_s": ("SID_T_REC", 0, 255),
+        "fade_out_s": ("SID_T_FADE_OUT", 0, 5),
     },
-    "SID_AXIS", lambda name, value: f"{name},{value:.9g}", {},
-)  # fmt: skip
+    "SID_AXIS",
+    lambda name, value: f"{name},{value:.9g}",
+    {},
+)
 PX4 = Autopilot(
-    "PX4", FW_AXES, ("linear", "log"), 0,
+    "PX4",
+    FW_AXES,
+    ("linear", "log"),
+    0,
     {
-        "start_hz": ("FW_AT_SYSID_F0", 0.1, 30), "stop_hz": ("FW_AT_SYSID_F1", 0.1, 30),
+        "start_hz": ("FW_AT_SYSID_F0", 0.1, 30),
+        "stop_hz": ("FW_AT_SYSID_F1", 0.1, 30),
         "duration_s": ("FW_AT_SYSID_TIME", 5, 120),
     },
     "FW_AT_AXES",
     lambda name, value: f"1\t1\t{name}\t" + (f"{value:.18f}\t9" if name in PX4_FLOATS else f"{value:.0f}\t6"),
     {"FW_AT_APPLY": 0},
-)  # fmt: skip
+)
 PX4_FLOATS = {name for name, _, _ in PX4.ranges.values()}  # MAV_PARAM_TYPE 9 is REAL32, 6 is INT32
 
 

@@ -108,9 +108,15 @@ def write_keysight(table: Table, path: Path) -> None:
     playback = _playback(table, scale)
     rate, volts = (playback["playback"][key] for key in ("sample_rate_hz", "volts_at_full_scale"))
     header = {
-        "File Format": "1.10", "Checksum": 0, "Channel Count": 1, "Sample Rate": repr(rate), "High Level": repr(volts),
-        "Low Level": repr(-volts), "Data Type": '"short"', "Data Points": len(codes),
-    }  # fmt: skip
+        "File Format": "1.10",
+        "Checksum": 0,
+        "Channel Count": 1,
+        "Sample Rate": repr(rate),
+        "High Level": repr(volts),
+        "Low Level": repr(-volts),
+        "Data Type": '"short"',
+        "Data Points": len(codes),
+    }
     lines = [*(f"{key}:{value}" for key, value in header.items()), "Data:", *map(str, codes[:, 0].tolist()), ""]
     with written_with_sidecar(path, table, scale | playback) as temporary:
         temporary.write_text("\n".join(lines), encoding="ascii", newline="\n")
@@ -152,6 +158,8 @@ def _playback(table: Table, scale: dict) -> dict:
     return {
         "playback": {
             "sample_rate_hz": round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate,
-            "repetition_hz": rate / len(table.values), "volts_at_full_scale": volts, "units_per_volt": full_scale / volts,
+            "repetition_hz": rate / len(table.values),
+            "volts_at_full_scale": volts,
+            "units_per_volt": full_scale / volts,
         }
-    }  # fmt: skip
+    }

@@ -89,9 +89,10 @@ def read(path: Path) -> Table:
         if codes.ndim != 2 or hashlib.sha256(codes.astype("<i2").tobytes()).hexdigest() != entries["sha256"].strip('"'):
             raise ExciteError("the codes are not those of its SHA-256; export the signal again")
         known = {
-            "dt": float(entries["s"]), "columns": ["time_s", *columns],
+            "dt": float(entries["s"]),
+            "columns": ["time_s", *columns],
             "full_scale": [float(v) for v in entries["scale"].split(",")],
-        }  # fmt: skip
+        }
     return decoded_table(codes, TOP, path, raw, known)
 
 

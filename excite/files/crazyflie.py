@@ -70,9 +70,11 @@ def write_player(table: Table, path: Path) -> None:
     rows = _rows(axes)
     lines = [f"    [{r!r}, {p!r}, {y!r}, {round(t)}],\n" for r, p, y, t in rows.tolist()]
     plan = {
-        "name": path.stem, "sha256": hashlib.sha256(rows.tobytes()).hexdigest(), "dt_s": table.meta["dt"],
+        "name": path.stem,
+        "sha256": hashlib.sha256(rows.tobytes()).hexdigest(),
+        "dt_s": table.meta["dt"],
         "thrust": "absolute" if "thrust" in axes else "offset",
-    }  # fmt: skip
+    }
     head = ", ".join(f"{key!r}: {value!a}" for key, value in plan.items())
     block = "# --- plan\nPLAN = {" + head + ", 'rows': [\n" + "".join(lines) + "]}\n# --- end of plan\n"
     source = Path(player.__file__).read_text(encoding="utf-8")

@@ -22,9 +22,13 @@ def write(table: Table, path: Path) -> None:
         arrays["dt"] = np.float64(table.meta["dt"])
     with written(path) as temporary, open(temporary, "wb") as stream:
         np.savez(
-            stream, allow_pickle=False, time_s=table.values[:, 0], **arrays,
-            columns=np.array(json.dumps(table.names)), meta=np.array(json.dumps(dict(table.meta), allow_nan=False)),
-        )  # fmt: skip
+            stream,
+            allow_pickle=False,
+            time_s=table.values[:, 0],
+            **arrays,
+            columns=np.array(json.dumps(table.names)),
+            meta=np.array(json.dumps(dict(table.meta), allow_nan=False)),
+        )
 
 
 def read(path: Path) -> Table:

@@ -50,9 +50,16 @@ def to_recording(table: Table) -> Recording:
         }
         channels = tuple(Channel.parse(name.partition(":")[2]) for name in table.names[1:])
         return Recording(
-            table.values[:, 0], table.values[:, 1:], channels, dt=meta["dt"], settings=settings,
-            default=meta["default"], period=meta["period"], loop=to_loop(meta["loop"]), source=meta["source"],
-        )  # fmt: skip
+            table.values[:, 0],
+            table.values[:, 1:],
+            channels,
+            dt=meta["dt"],
+            settings=settings,
+            default=meta["default"],
+            period=meta["period"],
+            loop=to_loop(meta["loop"]),
+            source=meta["source"],
+        )
 
 
 def to_loop(meta: Mapping | None) -> Loop:

@@ -55,7 +55,11 @@ def require(table: Table, inputs: list[int] | None, outputs: list[int] | None = 
     missing = [role for role, chosen in (("inputs", inputs), ("outputs", outputs)) if chosen == []]
     if missing:
         flags = " and ".join(f"{role} (--{role})" for role in missing)
-        alone = ", or none as inputs where outputs alone were recorded" if missing == ["inputs"] and outputs is not None else ""
+        alone = (
+            ", or none as inputs where outputs alone were recorded"
+            if missing == ["inputs"] and outputs is not None
+            else ""
+        )
         raise ExciteError(f"{table.place}: give {flags} by name or number from 0{alone}; {table.listing()}")
     shared = {*(inputs or [])} & {*(outputs or [])}
     if shared:

@@ -25,10 +25,7 @@ def write(table: Table, path: Path) -> None:
 
     The sidecar holds the table's meta, the column headers and the SHA-256 of the CSV file.
     """
-    with (
-        written_with_sidecar(path, table) as temporary,
-        open(temporary, "w", encoding="utf-8", newline="") as stream,
-    ):
+    with written_with_sidecar(path, table) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(table.names)
         for start in range(0, len(table.values), ROWS_AT_ONCE):

@@ -32,7 +32,12 @@ def floats(name: str, value: object, remedy: str) -> np.ndarray:
 
 
 def chosen_lines(
-    band_hz: Sequence[float] | None, spacing: str, count: int | None, dt: float, size: int, stream: np.random.SeedSequence
+    band_hz: Sequence[float] | None,
+    spacing: str,
+    count: int | None,
+    dt: float,
+    size: int,
+    stream: np.random.SeedSequence,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the lines (F,) of a band, in multiples of 1 / (N dt), and the odd detection lines left out."""
     if band_hz is None:
@@ -43,7 +48,9 @@ def chosen_lines(
         raise check.bad("band_hz", band_hz, remedy)
     nyquist = 0.5 / dt
     if band[1] >= nyquist:
-        raise check.bad("band_hz", band_hz, f"{band[1]:g} Hz is not below the Nyquist frequency {nyquist:g} Hz; lower it or dt")
+        raise check.bad(
+            "band_hz", band_hz, f"{band[1]:g} Hz is not below the Nyquist frequency {nyquist:g} Hz; lower it or dt"
+        )
     period = size * dt
     low, high = max(1, int(np.ceil(band[0] * period - 1e-6))), int(np.floor(band[1] * period + 1e-6))
     high = min(high, (size - 1) // 2)
@@ -108,7 +115,9 @@ def line_shape(spectrum: Callable | Sequence | None, f_hz: np.ndarray) -> np.nda
     if values.shape != f_hz.shape:
         raise check.bad("spectrum", f"shape {values.shape}", f"{len(f_hz)} lines are played; {remedy}")
     if not (values > 1e-9 * values.max()).all():
-        raise check.bad("spectrum", values.min(), "every amplitude must be positive and above 1e-9 of the largest; drop the line")
+        raise check.bad(
+            "spectrum", values.min(), "every amplitude must be positive and above 1e-9 of the largest; drop the line"
+        )
     return values / values.max()
 
 
@@ -142,9 +151,15 @@ def by_divisor(lines: np.ndarray, channels: int) -> np.ndarray:
 
 
 def allocate(
-    lines: np.ndarray, amplitudes: np.ndarray, channels: int, *, seed: int | np.random.SeedSequence = 0, rounds: int = 6,
-    time_limit_s: float | None = None, target: float | None = None,
-) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
+    lines: np.ndarray,
+    amplitudes: np.ndarray,
+    channels: int,
+    *,
+    seed: int | np.random.SeedSequence = 0,
+    rounds: int = 6,
+    time_limit_s: float | None = None,
+    target: float | None = None,
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Return owner (F,), phases (F,) and the seconds taken; the largest crest factor of all channels is small.
 
     Which line goes to which channel matters more than the phases: lines 2, 5, 8, … lie off the multiples of their

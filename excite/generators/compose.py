@@ -48,19 +48,27 @@ def side_by_side(
             raise check.bad("channels", names, "some names meet twice; give channels, a name for each, or their count")
     named = check.channels(channels)
     if len(named) != count:
-        raise check.bad("channels", [str(c) for c in named], f"the signals have {count} channels; give one name for each")
+        raise check.bad(
+            "channels", [str(c) for c in named], f"the signals have {count} channels; give one name for each"
+        )
     check.bounded("signals", len(signals), longest, count, "shorten them, or give fewer")
     u, column = np.tile(trims, (longest, 1)), 0
     for s in signals:
         u[: len(s.u), column : column + s.u.shape[1]] = s.u
         column += s.u.shape[1]
     period = None if short or any(s.period is None for s in signals) else lcm(*(s.period for s in signals))
-    warnings = [f"signals[{i}] ends after {lengths[i]} samples and rests at trim for {longest - lengths[i]}" for i in short]
+    warnings = [
+        f"signals[{i}] ends after {lengths[i]} samples and rests at trim for {longest - lengths[i]}" for i in short
+    ]
     recipe = {
-        "kind": "side_by_side", "signals": [dict(s.recipe) for s in signals], "pad": pad, "trim": trims,
-        "channels": [str(c) for c in named], "padded_samples": [longest - length for length in lengths],
+        "kind": "side_by_side",
+        "signals": [dict(s.recipe) for s in signals],
+        "pad": pad,
+        "trim": trims,
+        "channels": [str(c) for c in named],
+        "padded_samples": [longest - length for length in lengths],
         "warnings": warnings + _warnings(signals),
-    }  # fmt: skip
+    }
     return Signal(u, signals[0].dt, named, period if period and period <= longest else None, recipe)
 
 
@@ -96,9 +104,13 @@ def in_sequence(signals: Sequence[Signal], *, rest_s: float = 0.0, trim: Trim = 
     for start, s in zip(starts, signals, strict=True):
         u[start : start + len(s.u)] = s.u
     recipe = {
-        "kind": "in_sequence", "signals": [dict(s.recipe) for s in signals], "rest_s": float(rest_s), "trim": trims,
-        "starts": starts, "warnings": _warnings(signals),
-    }  # fmt: skip
+        "kind": "in_sequence",
+        "signals": [dict(s.recipe) for s in signals],
+        "rest_s": float(rest_s),
+        "trim": trims,
+        "starts": starts,
+        "warnings": _warnings(signals),
+    }
     return Signal(u, first.dt, first.channels, first.period if len(signals) == 1 else None, recipe)
 
 
@@ -113,9 +125,14 @@ def rest(*, dt: float, duration_s: float, trim: Trim = 0.0, channels: Channels =
     samples = check.samples("duration_s", duration_s, dt)
     check.bounded("duration_s", duration_s, samples, len(named), "shorten it")
     recipe = {
-        "kind": "rest", "dt": dt, "duration_s": float(duration_s), "trim": trims, "channels": [str(c) for c in named],
-        "seed": check.seed(seed), "warnings": [],
-    }  # fmt: skip
+        "kind": "rest",
+        "dt": dt,
+        "duration_s": float(duration_s),
+        "trim": trims,
+        "channels": [str(c) for c in named],
+        "seed": check.seed(seed),
+        "warnings": [],
+    }
     return Signal(np.tile(trims, (samples, 1)), dt, named, None, recipe)
 
 
@@ -142,13 +159,20 @@ def with_ramps(signal: Signal, *, up_s: float, down_s: float | None = None, trim
     up, down = check.pause("up_s", up_s, signal.dt), check.pause("down_s", down_s, signal.dt)
     samples = up + len(signal.u) + down
     check.bounded("up_s", up_s, samples, len(trims), "shorten the ramps or the signal")
-    u = np.vstack([
-        np.linspace(trims, signal.u[0], up, endpoint=False), signal.u, np.linspace(signal.u[-1], trims, down + 1)[1:],
-    ])  # fmt: skip
+    u = np.vstack(
+        [np.linspace(trims, signal.u[0], up, endpoint=False), signal.u, np.linspace(signal.u[-1], trims, down + 1)[1:]]
+    )
     recipe = {
-        "kind": "with_ramps", "signal": dict(signal.recipe), "up_s": float(up_s), "down_s": float(down_s), "trim": trims,
-        "core_start": up, "core_samples": len(signal.u), "core_period": signal.period, "warnings": _warnings([signal]),
-    }  # fmt: skip
+        "kind": "with_ramps",
+        "signal": dict(signal.recipe),
+        "up_s": float(up_s),
+        "down_s": float(down_s),
+        "trim": trims,
+        "core_start": up,
+        "core_samples": len(signal.u),
+        "core_period": signal.period,
+        "warnings": _warnings([signal]),
+    }
     return replace(signal, u=u, period=signal.period if samples == len(signal.u) else None, recipe=recipe)
 
 

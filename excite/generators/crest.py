@@ -76,9 +76,14 @@ def clipping(lines: np.ndarray, amplitudes: np.ndarray, phases: np.ndarray, iter
 
 
 def l2p(
-    lines: np.ndarray, weights: np.ndarray, phases: np.ndarray, *, skip: int = 0, iterations: int = 30,
+    lines: np.ndarray,
+    weights: np.ndarray,
+    phases: np.ndarray,
+    *,
+    skip: int = 0,
+    iterations: int = 30,
     deadline: float = np.inf,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Return phases (B, F) that minimise the 2p-norm over all rows and times, p doubling (Guillaume, 1991).
 
     With J = ds/dphases the Hessian of sum s^2p / 2p is (2p - 1) J^T diag(s^(2p-2)) J plus a diagonal. Its product with
@@ -113,7 +118,9 @@ def l2p(
     return phases
 
 
-def _newton_step(grid: "_Grid", c: np.ndarray, s: np.ndarray, k: int, damping: np.ndarray, products: int = 15) -> np.ndarray:
+def _newton_step(
+    grid: "_Grid", c: np.ndarray, s: np.ndarray, k: int, damping: np.ndarray, products: int = 15
+) -> np.ndarray:
     """Return the damped Newton step (B, F) of the 2p-norm, p = 2^k, by preconditioned conjugate gradients."""
     peak = np.abs(s).max((1, 2), keepdims=True)
     y, c = s / peak, c / peak
@@ -172,9 +179,12 @@ def minimax(
         turn = np.exp(2j * np.pi / grid.points * (at[:, None] * lines % grid.points))
         slopes = np.sign(s[row, at])[:, None] * (1j * c[row] * turn).real
         program = linprog(
-            np.append(np.zeros(count), 1), A_ub=np.column_stack([slopes, -np.ones(len(at))]), b_ub=-size[row, at],
-            bounds=[(-radius, radius)] * count + [(None, None)], method="highs",
-        )  # fmt: skip
+            np.append(np.zeros(count), 1),
+            A_ub=np.column_stack([slopes, -np.ones(len(at))]),
+            b_ub=-size[row, at],
+            bounds=[(-radius, radius)] * count + [(None, None)],
+            method="highs",
+        )
         if program.status != 0:
             break
         promised = best - program.x[-1]
@@ -201,9 +211,15 @@ class Optimised:
 
 
 def optimise(
-    lines: np.ndarray, weights: np.ndarray, *, seed: int | np.random.SeedSequence = 0, starts: int | None = None,
-    time_limit_s: float | None = None, target: float | None = None, initial: np.ndarray | None = None,
-) -> Optimised:  # fmt: skip
+    lines: np.ndarray,
+    weights: np.ndarray,
+    *,
+    seed: int | np.random.SeedSequence = 0,
+    starts: int | None = None,
+    time_limit_s: float | None = None,
+    target: float | None = None,
+    initial: np.ndarray | None = None,
+) -> Optimised:
     """Return phases that minimise the largest crest factor of all rows.
 
     Batches alternate between random phases and perturbed copies of the best so far; each goes through `l2p`, and for up

@@ -14,9 +14,43 @@ import numpy as np
 
 # Every prime that divides 2^n - 1 for an n up to 32 (Brillhart et al., Factorizations of b^n +- 1, 1988).
 PRIMES = (
-    3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 41, 43, 47, 73, 89, 113, 127, 151, 233, 241, 257, 331, 337, 601, 683, 1103, 1801,
-    2089, 2731, 8191, 65537, 131071, 178481, 262657, 524287, 2147483647,
-)  # fmt: skip
+    3,
+    5,
+    7,
+    11,
+    13,
+    17,
+    19,
+    23,
+    29,
+    31,
+    41,
+    43,
+    47,
+    73,
+    89,
+    113,
+    127,
+    151,
+    233,
+    241,
+    257,
+    331,
+    337,
+    601,
+    683,
+    1103,
+    1801,
+    2089,
+    2731,
+    8191,
+    65537,
+    131071,
+    178481,
+    262657,
+    524287,
+    2147483647,
+)
 MAX_ZECH_ORDER = 14  # beyond it, trying all spacings would take longer than generating the signal
 MAX_PAIR_ORDER = 20  # beyond it, correlating two sequences over one period would
 PAIRS = 1 << 24  # chips of correlations that `least_correlated` computes, at most about half of them
@@ -117,7 +151,9 @@ def decimations(order: int) -> Iterator[int]:
     1980), products of two of them, then all others; one of each cyclotomic coset {r, 2r, 4r, …} mod 2^n - 1.
     """
     length = 2**order - 1
-    good = [2**k + 1 for k in range(1, order)] + [4**k - 2**k + 1 for k in range(2, order)] + [2 ** (order // 2 + 1) - 1]
+    good = (
+        [2**k + 1 for k in range(1, order)] + [4**k - 2**k + 1 for k in range(2, order)] + [2 ** (order // 2 + 1) - 1]
+    )
     seen = {1 << k for k in range(order)}
     for every in chain(good, (a * b for a, b in combinations(good, 2)), range(3, length, 2)):
         leader = every % length
@@ -221,6 +257,9 @@ def row_correlation(signs: np.ndarray) -> float:
     """Return the largest circular correlation of two different rows of `modulation`, at any lag."""
     lines, K = np.fft.rfft(signs), signs.shape[1]
     return max(
-        (float(np.rint(np.abs(np.fft.irfft(a.conj() * lines[i + 1 :], K))).max()) / K for i, a in enumerate(lines[:-1])),
+        (
+            float(np.rint(np.abs(np.fft.irfft(a.conj() * lines[i + 1 :], K))).max()) / K
+            for i, a in enumerate(lines[:-1])
+        ),
         default=0.0,
     )

@@ -118,8 +118,12 @@ def multisine(
     model = _model(model, dt, len(names))
     real = np.isreal(mixing).all()
     if zero_start and (not real or (model is not None and len(names) > 1)):
-        reason = "channels of 'dft' are not in phase" if not real else "shifts of several inputs change the model's outputs"
-        raise check.bad("zero_start", zero_start, f"{reason}; use one channel, or 'hadamard' or 'interleaved' without a model")
+        reason = (
+            "channels of 'dft' are not in phase" if not real else "shifts of several inputs change the model's outputs"
+        )
+        raise check.bad(
+            "zero_start", zero_start, f"{reason}; use one channel, or 'hadamard' or 'interleaved' without a model"
+        )
 
     streams = np.random.SeedSequence(seed).spawn(3 + len(names))
     if lines is None:
@@ -128,7 +132,9 @@ def multisine(
         union, owner = allocation.given_lines(lines, band_hz, spacing, count, size, len(names), orthogonal)
         detection = np.empty(0, int)
     if orthogonal == "interleaved" and len(union) < len(names):
-        raise check.bad("channels", len(names), f"only {len(union)} lines to share; widen the band or lengthen the period")
+        raise check.bad(
+            "channels", len(names), f"only {len(union)} lines to share; widen the band or lengthen the period"
+        )
     shape = allocation.line_shape(spectrum, union / (size * dt))
     response = None if model is None else model.frf(union / (size * dt))
     if decided is None:
@@ -144,22 +150,47 @@ def multisine(
 
     report = _report(numbers, amplitudes, angles, mixing, model, size, dt)
     recipe = {
-        "kind": "multisine", "dt": dt, "period_s": float(period_s), "band_hz": band_hz, "spacing": spacing,
-        "count": count, "lines": lines, "spectrum": None if spectrum is None else shape.tolist(),
-        "amplitude": levels, "phases": phases,
-        "channels": [str(c) for c in names], "orthogonal": orthogonal, "periods": periods, "zero_start": bool(zero_start),
-        "model": None if model is None else {k: getattr(model, k).tolist() for k in "ABCD"}, "crest_target": crest_target,
-        "starts": starts, "time_limit_s": time_limit_s, "seed": seed, "decided": decided,
-        "period_samples": size, "experiments": len(mixing), **report,
+        "kind": "multisine",
+        "dt": dt,
+        "period_s": float(period_s),
+        "band_hz": band_hz,
+        "spacing": spacing,
+        "count": count,
+        "lines": lines,
+        "spectrum": None if spectrum is None else shape.tolist(),
+        "amplitude": levels,
+        "phases": phases,
+        "channels": [str(c) for c in names],
+        "orthogonal": orthogonal,
+        "periods": periods,
+        "zero_start": bool(zero_start),
+        "model": None if model is None else {k: getattr(model, k).tolist() for k in "ABCD"},
+        "crest_target": crest_target,
+        "starts": starts,
+        "time_limit_s": time_limit_s,
+        "seed": seed,
+        "decided": decided,
+        "period_samples": size,
+        "experiments": len(mixing),
+        **report,
         "warnings": _warnings(decided, report, crest_target, len(mixing), periods, count),
-    }  # fmt: skip
+    }
     return Signal(u, dt, names, size * (periods * len(mixing) if len(mixing) > 1 else 1), _plain(recipe))
 
 
 def _design(
-    lines: np.ndarray, owner: np.ndarray | None, shape: np.ndarray, levels: list[float], phases: str | Sequence,
-    mixing: np.ndarray, response: np.ndarray | None, search: Mapping, streams: list, zero_start: bool, size: int,
-) -> dict:  # fmt: skip
+    lines: np.ndarray,
+    owner: np.ndarray | None,
+    shape: np.ndarray,
+    levels: list[float],
+    phases: str | Sequence,
+    mixing: np.ndarray,
+    response: np.ndarray | None,
+    search: Mapping,
+    streams: list,
+    zero_start: bool,
+    size: int,
+) -> dict:
     """Return lines, amplitudes and phases of every channel, with the method, the starts and the seconds it took."""
     count, shared = len(levels), len(mixing) > 1
     optimal = isinstance(phases, str) and phases == "optimal"
@@ -275,9 +306,12 @@ def _report(
     for l, a, phi in zip(lines, amplitudes, phases, strict=True):
         bound = max(crest.crest_bound(l, a * turn, phi)[0] for turn in turns)
         figures = (
-            crest.crest_factor(l, a * turns, phi).max(), bound, bound * a.max() * np.sqrt(((a / a.max()) ** 2).sum() / 2),
-            crest.relative_peak_factor(l, a * turns, phi).max(), crest.chirp_likeness(l, a, phi),
-        )  # fmt: skip
+            crest.crest_factor(l, a * turns, phi).max(),
+            bound,
+            bound * a.max() * np.sqrt(((a / a.max()) ** 2).sum() / 2),
+            crest.relative_peak_factor(l, a * turns, phi).max(),
+            crest.chirp_likeness(l, a, phi),
+        )
         for key, value in zip(keys, figures, strict=True):
             report[key].append(None if value is None else float(value))
     if model is not None:
@@ -300,9 +334,13 @@ def _warnings(
     if target is not None and worst > target:
         effort = f"{decided['starts']} starts and {decided['seconds']:g} s"
         remedy = "allow more starts or time, or play more lines" if decided["starts"] else "use phases = 'optimal'"
-        warnings.append(f"crest factor {worst:.4f} misses the target {target:g} after {effort}, the best found; {remedy}")
+        warnings.append(
+            f"crest factor {worst:.4f} misses the target {target:g} after {effort}, the best found; {remedy}"
+        )
     if experiments > 1 and periods == 1:
-        warnings.append("each experiment plays one period, which holds the transient from the one before; play two or more")
+        warnings.append(
+            "each experiment plays one period, which holds the transient from the one before; play two or more"
+        )
     played = len(set().union(*decided["lines"]))
     if count is not None and played < count:
         warnings.append(f"{count} lines were asked for, {played} remain after rounding; lengthen the period")
@@ -332,7 +370,9 @@ def _whole_period(period_s: object, dt: float) -> int:
     size = round(ratio)
     if abs(ratio - size) > 1e-6 * max(1.0, size * 1e-3):
         near = f"{np.floor(ratio) * dt:.12g} s and {np.ceil(ratio) * dt:.12g} s"
-        raise check.bad("period_s", period_s, f"{ratio:.9g} samples of dt = {dt:g} s; the nearest whole periods are {near}")
+        raise check.bad(
+            "period_s", period_s, f"{ratio:.9g} samples of dt = {dt:g} s; the nearest whole periods are {near}"
+        )
     return size
 
 
@@ -352,7 +392,9 @@ def _model(model: object, dt: float, channels: int) -> StateSpaceModel | None:
         raise check.bad("model", f"{len(model.inputs)} inputs", f"the signal has {channels} channels; they must agree")
     poles = np.abs(model.poles())
     if poles.size and poles.max() >= 1:
-        raise check.bad("model", f"pole of modulus {poles.max():.6g}", "it has no periodic steady state; close the loop first")
+        raise check.bad(
+            "model", f"pole of modulus {poles.max():.6g}", "it has no periodic steady state; close the loop first"
+        )
     return model
 
 

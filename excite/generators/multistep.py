@@ -10,8 +10,12 @@ from excite.types.signal import Signal
 
 # form -> level of each unit of time, as a fraction of the amplitude; a staircase is made from its number of steps
 UNITS: dict[str, tuple[int, ...]] = {
-    "step": (1,), "pulse": (1,), "doublet": (1, -1), "3-2-1-1": (1, 1, 1, -1, -1, 1, -1), "staircase": ()
-}  # fmt: skip
+    "step": (1,),
+    "pulse": (1,),
+    "doublet": (1, -1),
+    "3-2-1-1": (1, 1, 1, -1, -1, 1, -1),
+    "staircase": (),
+}
 REPEATING = {"lead_s": None, "rest_s": None, "repeats": 1, "alternate": False}
 
 check = Parameters("multistep")
@@ -100,11 +104,21 @@ def multistep(
     wave = np.concatenate([np.zeros(lead), np.outer(signs, once).ravel()])
     u = in_turn(wave, levels, offsets)
     recipe = {
-        "kind": "multistep", "form": form, "dt": dt, "unit_s": float(unit_s), **dict.fromkeys(given), **own,
-        "amplitude": levels, "offset": offsets, "channels": [str(c) for c in named], "seed": seed, "unit_samples": unit,
+        "kind": "multistep",
+        "form": form,
+        "dt": dt,
+        "unit_s": float(unit_s),
+        **dict.fromkeys(given),
+        **own,
+        "amplitude": levels,
+        "offset": offsets,
+        "channels": [str(c) for c in named],
+        "seed": seed,
+        "unit_samples": unit,
         "starts": [c * samples for c in range(len(named))],
-        "edges": (np.flatnonzero((np.diff(u, axis=0) != 0).any(axis=1)) + 1).tolist(), "warnings": [],
-    }  # fmt: skip
+        "edges": (np.flatnonzero((np.diff(u, axis=0) != 0).any(axis=1)) + 1).tolist(),
+        "warnings": [],
+    }
     return Signal(u, dt, named, None, recipe)
 
 

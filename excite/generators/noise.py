@@ -80,9 +80,14 @@ def noise(
     count = len(named)
     form = check.choice("form", form, FORMS)
     given = {
-        "rms": rms, "amplitude": amplitude, "band_hz": band_hz, "hold": hold, "switch_probability": switch_probability,
-        "mean_hold_s": mean_hold_s, "levels": levels,
-    }  # fmt: skip
+        "rms": rms,
+        "amplitude": amplitude,
+        "band_hz": band_hz,
+        "hold": hold,
+        "switch_probability": switch_probability,
+        "mean_hold_s": mean_hold_s,
+        "levels": levels,
+    }
     play, used = FORMS[form]
     own = check.fill(form, used, given)
     samples = check.samples("duration_s", duration_s, dt)
@@ -113,11 +118,21 @@ def noise(
     period = length if periods is not None or form == "band-limited" else None
     constant = [str(named[c]) for c in np.flatnonzero((u == u[0]).all(axis=0))]
     recipe = {
-        "kind": "noise", "form": form, "dt": dt, "duration_s": float(duration_s), **dict.fromkeys(given), **own,
-        "offset": offsets, "periods": periods, "channels": [str(c) for c in named], "seed": seed, **decisions,
-        "realised_rms": realised[0].tolist(), "realised_peak": realised[1].tolist(),
+        "kind": "noise",
+        "form": form,
+        "dt": dt,
+        "duration_s": float(duration_s),
+        **dict.fromkeys(given),
+        **own,
+        "offset": offsets,
+        "periods": periods,
+        "channels": [str(c) for c in named],
+        "seed": seed,
+        **decisions,
+        "realised_rms": realised[0].tolist(),
+        "realised_peak": realised[1].tolist(),
         "warnings": [f"{name} never changes in {duration_s:g} s; play longer" for name in constant],
-    }  # fmt: skip
+    }
     return Signal(u, dt, named, period, recipe)
 
 

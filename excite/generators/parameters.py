@@ -38,7 +38,13 @@ class Parameters:
         return self.whole("seed", value, 0, np.inf)
 
     def number(
-        self, name: str, value: object, remedy: str, least: float = -np.inf, above: float = -np.inf, most: float = np.inf
+        self,
+        name: str,
+        value: object,
+        remedy: str,
+        least: float = -np.inf,
+        above: float = -np.inf,
+        most: float = np.inf,
     ) -> float:
         """Return a number of at least `least`, beyond `above` and of at most `most`, small enough for sums to be finite."""
         real = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
@@ -121,9 +127,14 @@ class Parameters:
         return self._levels(name, value, count, "every {} must be finite and not zero", lambda x: x != 0)
 
     def _levels(
-        self, name: str, value: object, count: int, remedy: str, holds: Callable[[np.ndarray], np.ndarray],
+        self,
+        name: str,
+        value: object,
+        count: int,
+        remedy: str,
+        holds: Callable[[np.ndarray], np.ndarray],
         of: str = "channels",
-    ) -> list[float]:  # fmt: skip
+    ) -> list[float]:
         try:
             levels = np.asarray(value)
             if levels.dtype.kind not in "fiu":

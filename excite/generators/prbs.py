@@ -12,11 +12,38 @@ from excite.types.signal import Signal
 # Instruments' list of m-sequence feedback taps (first entry of each length) as its source. The tests prove every
 # polynomial primitive. Other lists, such as Xilinx XAPP052, differ for some orders and serve equally.
 TAPS: dict[int, tuple[int, ...]] = {
-    2: (1,), 3: (2,), 4: (3,), 5: (3,), 6: (5,), 7: (6,), 8: (7, 6, 1), 9: (5,), 10: (7,), 11: (9,),
-    12: (11, 10, 4), 13: (12, 11, 8), 14: (13, 12, 2), 15: (14,), 16: (15, 13, 4), 17: (14,), 18: (11,),
-    19: (18, 17, 14), 20: (17,), 21: (19,), 22: (21,), 23: (18,), 24: (23, 22, 17), 25: (22,), 26: (25, 24, 20),
-    27: (26, 25, 22), 28: (25,), 29: (27,), 30: (29, 28, 7), 31: (28,), 32: (31, 30, 10),
-}  # fmt: skip
+    2: (1,),
+    3: (2,),
+    4: (3,),
+    5: (3,),
+    6: (5,),
+    7: (6,),
+    8: (7, 6, 1),
+    9: (5,),
+    10: (7,),
+    11: (9,),
+    12: (11, 10, 4),
+    13: (12, 11, 8),
+    14: (13, 12, 2),
+    15: (14,),
+    16: (15, 13, 4),
+    17: (14,),
+    18: (11,),
+    19: (18, 17, 14),
+    20: (17,),
+    21: (19,),
+    22: (21,),
+    23: (18,),
+    24: (23, 22, 17),
+    25: (22,),
+    26: (25, 24, 20),
+    27: (26, 25, 22),
+    28: (25,),
+    29: (27,),
+    30: (29, 28, 7),
+    31: (28,),
+    32: (31, 30, 10),
+}
 CLOCK = 2.5  # chips per period of the highest frequency of interest: there the hold costs 2.3 dB
 DECORRELATE = ("shift", "hadamard", "sequences")
 
@@ -134,7 +161,9 @@ def prbs(
     levels, offsets = check.amplitudes("amplitude", amplitude, count), check.offsets("offset", offset, count)
     if band_limit_hz is not None:
         band_limit_hz = check.frequency("band_limit_hz", band_limit_hz, dt)
-        check.bounded("order", order, period, count, "band_limit_hz filters whole periods: lower order, hold or channels")
+        check.bounded(
+            "order", order, period, count, "band_limit_hz filters whole periods: lower order, hold or channels"
+        )
         if band_limit_hz * period * dt < 1:
             raise check.bad("band_limit_hz", band_limit_hz, f"the lowest line is at {1 / (period * dt):g} Hz; raise it")
 
@@ -159,17 +188,34 @@ def prbs(
 
     nested = [list(tap_set) for tap_set in polynomials]
     recipe = {
-        "kind": "prbs", "order": order, "dt": dt, "hold": hold, "highest_hz": highest_hz and float(highest_hz),
-        "taps": nested if decorrelate == "sequences" else nested[0], "inverse_repeat": inverse_repeat,
-        "decorrelate": decorrelate, "amplitude": levels, "offset": offsets, "band_limit_hz": band_limit_hz,
-        "channels": [str(c) for c in named], "periods": periods,
-        "duration_s": None if duration_s is None else float(duration_s), "seed": seed,
-        "state": state, "shifts": shifts, "signs": signs, "modulation": rows.tolist(), "clock_hz": 1 / (hold * dt),
-        "rms": rms, "period_samples": period, "usable_response_chips": spacing, "usable_response_s": spacing * hold * dt,
+        "kind": "prbs",
+        "order": order,
+        "dt": dt,
+        "hold": hold,
+        "highest_hz": highest_hz and float(highest_hz),
+        "taps": nested if decorrelate == "sequences" else nested[0],
+        "inverse_repeat": inverse_repeat,
+        "decorrelate": decorrelate,
+        "amplitude": levels,
+        "offset": offsets,
+        "band_limit_hz": band_limit_hz,
+        "channels": [str(c) for c in named],
+        "periods": periods,
+        "duration_s": None if duration_s is None else float(duration_s),
+        "seed": seed,
+        "state": state,
+        "shifts": shifts,
+        "signs": signs,
+        "modulation": rows.tolist(),
+        "clock_hz": 1 / (hold * dt),
+        "rms": rms,
+        "period_samples": period,
+        "usable_response_chips": spacing,
+        "usable_response_s": spacing * hold * dt,
         "cross_correlation": _cross_correlation(order, polynomials, rows, decorrelate),
         "product_lag_chips": None if factor > 1 else product_lag,
         "warnings": _clock_warning(highest_hz, dt) + _cut_warning(wanted, period, dt),
-    }  # fmt: skip
+    }
     return Signal(u, dt, named, period if wanted >= period else None, recipe)
 
 
@@ -207,7 +253,9 @@ def _taps(order: int, taps: object, count: int, decorrelate: str) -> list[tuple[
         if needed == 1:
             return [TAPS[order]]
         if order > lfsr.MAX_PAIR_ORDER:
-            remedy = f"different sequences are chosen up to order {lfsr.MAX_PAIR_ORDER}; give taps, or use shift or hadamard"
+            remedy = (
+                f"different sequences are chosen up to order {lfsr.MAX_PAIR_ORDER}; give taps, or use shift or hadamard"
+            )
             raise check.bad("order", order, remedy)
         if lfsr.polynomials(order) < count:
             remedy = f"order {order} has only {lfsr.polynomials(order)} primitive polynomials; raise the order"
@@ -222,7 +270,9 @@ def _taps(order: int, taps: object, count: int, decorrelate: str) -> list[tuple[
 
 
 def _primitive(order: int, taps: object) -> tuple[int, ...]:
-    whole = isinstance(taps, Sequence) and all(isinstance(t, (int, np.integer)) and not isinstance(t, bool) for t in taps)
+    whole = isinstance(taps, Sequence) and all(
+        isinstance(t, (int, np.integer)) and not isinstance(t, bool) for t in taps
+    )
     if not (whole and taps and len(set(taps)) == len(taps) and all(0 < t < order for t in taps)):
         raise check.bad("taps", taps, f"give different whole numbers from 1 to {order - 1} for order {order}")
     if not lfsr.is_primitive(order, taps):
@@ -266,7 +316,9 @@ def _clock_warning(highest_hz: float | None, dt: float) -> list[str]:
     if highest_hz is None or CLOCK * highest_hz * dt <= 1 + 1e-12:
         return []
     ratio = 1 / (highest_hz * dt)
-    return [f"the clock, {1 / dt:g} Hz at one sample a chip, is only {ratio:.3g} x highest_hz; sample faster to reach {CLOCK}"]
+    return [
+        f"the clock, {1 / dt:g} Hz at one sample a chip, is only {ratio:.3g} x highest_hz; sample faster to reach {CLOCK}"
+    ]
 
 
 def _cut_warning(samples: int, period: int, dt: float) -> list[str]:

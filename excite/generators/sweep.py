@@ -18,10 +18,15 @@ FORMS: dict[str, dict[str, object]] = {
     "log": _CHIRP,
     "schroeder": {**_BAND, "periods": 1},
     "stepped": {
-        "start_hz": None, "stop_hz": None, "points": None, "frequencies_hz": None, "settle_periods": 2,
-        "measure_periods": 4, "profile": None,
+        "start_hz": None,
+        "stop_hz": None,
+        "points": None,
+        "frequencies_hz": None,
+        "settle_periods": 2,
+        "measure_periods": 4,
+        "profile": None,
     },
-}  # fmt: skip
+}
 
 
 def sweep(
@@ -103,10 +108,19 @@ def sweep(
     count = len(named)
     form = check.choice("form", form, FORMS)
     given = {
-        "start_hz": start_hz, "stop_hz": stop_hz, "duration_s": duration_s, "dwell_cycles": dwell_cycles,
-        "fade_in_s": fade_in_s, "fade_out_s": fade_out_s, "periods": periods, "frequencies_hz": frequencies_hz,
-        "points": points, "settle_periods": settle_periods, "measure_periods": measure_periods, "profile": profile,
-    }  # fmt: skip
+        "start_hz": start_hz,
+        "stop_hz": stop_hz,
+        "duration_s": duration_s,
+        "dwell_cycles": dwell_cycles,
+        "fade_in_s": fade_in_s,
+        "fade_out_s": fade_out_s,
+        "periods": periods,
+        "frequencies_hz": frequencies_hz,
+        "points": points,
+        "settle_periods": settle_periods,
+        "measure_periods": measure_periods,
+        "profile": profile,
+    }
     own = check.fill(form, FORMS[form], given)
     levels, offsets = check.amplitudes("amplitude", amplitude, count), check.offsets("offset", offset, count)
 
@@ -115,12 +129,15 @@ def sweep(
     if form == "stepped":
         plan, warnings = _plan(own, dt)
         total = sum(step["settle"] + step["measure"] for step in plan)
-        check.bounded("settle_periods", own["settle_periods"], total * count, count, "measure fewer frequencies or periods")
+        check.bounded(
+            "settle_periods", own["settle_periods"], total * count, count, "measure fewer frequencies or periods"
+        )
         wave = _stepped(plan)
         decisions["segments"] = [
             step | {"channel": c, "start": step["start"] + c * total, "amplitude": step["amplitude"] * levels[c]}
-            for c in range(count) for step in plan
-        ]  # fmt: skip
+            for c in range(count)
+            for step in plan
+        ]
     else:
         for name in ("start_hz", "stop_hz"):
             own[name] = check.frequency(name, own[name], dt)
@@ -139,10 +156,19 @@ def sweep(
         else:
             wave = _chirp(form, own, samples, dt)
     recipe = {
-        "kind": "sweep", "form": form, "dt": dt, **dict.fromkeys(given), **own, "amplitude": levels, "offset": offsets,
-        "channels": [str(c) for c in named], "seed": seed, "starts": [c * len(wave) for c in range(count)], **decisions,
+        "kind": "sweep",
+        "form": form,
+        "dt": dt,
+        **dict.fromkeys(given),
+        **own,
+        "amplitude": levels,
+        "offset": offsets,
+        "channels": [str(c) for c in named],
+        "seed": seed,
+        "starts": [c * len(wave) for c in range(count)],
+        **decisions,
         "warnings": warnings,
-    }  # fmt: skip
+    }
     return Signal(in_turn(wave, levels, offsets), dt, named, period, recipe)
 
 
@@ -156,7 +182,10 @@ def _chirp(form: str, own: dict, samples: int, dt: float) -> np.ndarray:
     if T * min(f0, f1) < 1 - 1e-9 - dt * min(f0, f1):
         remedy = f"its {dwell:g} s leave {T:g} s to sweep, less than a period of {min(f0, f1):g} Hz; dwell less"
         raise check.bad("dwell_cycles", own["dwell_cycles"], remedy)
-    fades = [check.number(key, own[key], "give a number of seconds, 0 for none", least=0) for key in ("fade_in_s", "fade_out_s")]
+    fades = [
+        check.number(key, own[key], "give a number of seconds, 0 for none", least=0)
+        for key in ("fade_in_s", "fade_out_s")
+    ]
     if sum(fades) > end:
         raise check.bad("fade_out_s", fades[1], f"with fade_in_s = {fades[0]:g} it exceeds the {end:g} s; shorten them")
     own["fade_in_s"], own["fade_out_s"] = fades
@@ -194,7 +223,9 @@ def _plan(own: dict, dt: float) -> tuple[list[dict], list[str]]:
     """Return the segments of one channel, and warnings; every measured window holds whole periods in whole samples."""
     asked = _frequencies(own, dt)
     measure = own["measure_periods"] = check.whole("measure_periods", own["measure_periods"])
-    settle = own["settle_periods"] = check.number("settle_periods", own["settle_periods"], "give a number from 0", least=0)
+    settle = own["settle_periods"] = check.number(
+        "settle_periods", own["settle_periods"], "give a number from 0", least=0
+    )
     if own["profile"] is not None:
         own["profile"] = check.amplitudes("profile", own["profile"], len(asked), "frequencies")
     longest = (settle + measure) / (min(asked) * dt)
@@ -204,10 +235,17 @@ def _plan(own: dict, dt: float) -> tuple[list[dict], list[str]]:
         window = max(round(measure / (f_hz * dt)), 2 * measure + 1)  # strictly below Nyquist
         found = measure / (window * dt)
         lead = int(np.ceil(settle / (found * dt) - 1e-9))
-        plan.append({
-            "asked_hz": f_hz, "f_hz": found, "start": start, "settle": lead, "measure": window, "periods": measure,
-            "amplitude": level,
-        })  # fmt: skip
+        plan.append(
+            {
+                "asked_hz": f_hz,
+                "f_hz": found,
+                "start": start,
+                "settle": lead,
+                "measure": window,
+                "periods": measure,
+                "amplitude": level,
+            }
+        )
         start += lead + window
     return plan, _grid_warnings(plan)
 

@@ -50,7 +50,9 @@ class Experiment:
             object.__setattr__(self, key, values)
             object.__setattr__(self, role, channels_for(values.shape[1], getattr(self, role), prefix))
             if len(values) != len(self.u):
-                raise ExciteError(f"Experiment.{key}: {len(values)} samples, but u has {len(self.u)}; lengths must agree")
+                raise ExciteError(
+                    f"Experiment.{key}: {len(values)} samples, but u has {len(self.u)}; lengths must agree"
+                )
         if self.dt is None and self.time_s is None:
             raise ExciteError("Experiment: give dt in seconds, or time_s")
         if self.dt is not None:
@@ -80,9 +82,13 @@ class Experiment:
         """Return samples start:stop as an experiment of its own."""
         r = None if self.reference is None else self.reference[start:stop]
         return replace(
-            self, u=self.u[start:stop], y=self.y[start:stop], reference=r, references=self.references or None,
+            self,
+            u=self.u[start:stop],
+            y=self.y[start:stop],
+            reference=r,
+            references=self.references or None,
             time_s=self.time_s[start:stop],
-        )  # fmt: skip
+        )
 
     def decimate(self, every: int) -> "Experiment":
         """Keep each `every`-th sample. Exact when u is held over whole decimated intervals; no filter is applied."""
@@ -93,6 +99,12 @@ class Experiment:
         r = None if self.reference is None else self.reference[::every]
         period = self.period // every if self.period and self.period % every == 0 else None
         return replace(
-            self, u=self.u[::every], y=self.y[::every], reference=r, references=self.references or None,
-            time_s=self.time_s[::every], dt=self.dt * every, period=period,
-        )  # fmt: skip
+            self,
+            u=self.u[::every],
+            y=self.y[::every],
+            reference=r,
+            references=self.references or None,
+            time_s=self.time_s[::every],
+            dt=self.dt * every,
+            period=period,
+        )

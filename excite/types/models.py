@@ -169,9 +169,14 @@ class StateSpaceModel:
         elif K is not None:
             K, cov = K[:, keep], None if cov is None else cov[np.ix_(keep, keep)]
         return replace(
-            self, C=self.C[keep], D=self.D[keep], K=K, innovation_cov=cov, outputs=[self.outputs[i] for i in keep],
+            self,
+            C=self.C[keep],
+            D=self.D[keep],
+            K=K,
+            innovation_cov=cov,
+            outputs=[self.outputs[i] for i in keep],
             output_offset=self.output_offset[keep],
-        )  # fmt: skip
+        )
 
     def delayed(self, samples: int) -> "StateSpaceModel":
         """Return the model behind a dead time on all inputs: nu * samples more states, poles at the origin, hold u meanwhile."""
@@ -179,16 +184,21 @@ class StateSpaceModel:
             return self
         n, nu, ny = self.order, *self.D.shape[::-1]
         held = nu * samples
-        A = np.block([
-            [self.A, np.zeros((n, held - nu)), self.B],
-            [np.zeros((nu, n + held))],
-            [np.zeros((held - nu, n)), np.eye(held - nu, held)],
-        ])  # fmt: skip
+        A = np.block(
+            [
+                [self.A, np.zeros((n, held - nu)), self.B],
+                [np.zeros((nu, n + held))],
+                [np.zeros((held - nu, n)), np.eye(held - nu, held)],
+            ]
+        )
         return replace(
-            self, A=A, B=np.vstack([np.zeros((n, nu)), np.eye(held, nu)]), D=np.zeros((ny, nu)),
+            self,
+            A=A,
+            B=np.vstack([np.zeros((n, nu)), np.eye(held, nu)]),
+            D=np.zeros((ny, nu)),
             C=np.hstack([self.C, np.zeros((ny, held - nu)), self.D]),
             K=None if self.K is None else np.vstack([self.K, np.zeros((held, ny))]),
-        )  # fmt: skip
+        )
 
     def lift(self, every: int) -> "StateSpaceModel":
         """Return the model at dt * every, for an input held over each longer interval of `every` samples.
@@ -222,7 +232,9 @@ def kalman_gain(
         innovation = C @ P @ C.T + R
         return la.solve(innovation, (A @ P @ C.T + S).T, assume_a="pos").T, (innovation + innovation.T) / 2
     except (la.LinAlgError, ValueError) as error:  # the latter when the eigenvalues cannot be sorted
-        raise ExciteError(f"no steady Kalman gain exists for this noise ({error}); give every output some noise") from error
+        raise ExciteError(
+            f"no steady Kalman gain exists for this noise ({error}); give every output some noise"
+        ) from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,9 +277,16 @@ class PolynomialModel:
         A[: n - ny, ny:] = np.eye(n - ny)
         C = np.hstack([np.eye(ny), np.zeros((ny, n - ny))])
         return StateSpaceModel(
-            A, (b[1:] - a[1:] @ b[0]).reshape(n, nu), C, b[0], self.dt, K=-a[1:].reshape(n, ny),
-            innovation_cov=self.innovation_cov, inputs=self.inputs, outputs=self.outputs,
-        )  # fmt: skip
+            A,
+            (b[1:] - a[1:] @ b[0]).reshape(n, nu),
+            C,
+            b[0],
+            self.dt,
+            K=-a[1:].reshape(n, ny),
+            innovation_cov=self.innovation_cov,
+            inputs=self.inputs,
+            outputs=self.outputs,
+        )
 
     def poles(self) -> np.ndarray:
         """Poles of the observer form (z-plane); zero-padding poles at the origin included."""

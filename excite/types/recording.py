@@ -108,11 +108,18 @@ class Recording:
         r = self.columns(setting.reference, label)[take] if setting.reference else None
         period = self.period // setting.every if self.period and self.period % setting.every == 0 else None
         return Experiment(
-            u, y, reference=r, time_s=self.time_s[take], dt=None if self.dt is None else self.dt * setting.every,
-            inputs=[by_name[n] for n in setting.inputs], outputs=[by_name[n] for n in setting.outputs],
+            u,
+            y,
+            reference=r,
+            time_s=self.time_s[take],
+            dt=None if self.dt is None else self.dt * setting.every,
+            inputs=[by_name[n] for n in setting.inputs],
+            outputs=[by_name[n] for n in setting.outputs],
             references=[by_name[n] for n in setting.reference] or None,
-            period=period, loop=self.loop if setting.closed else Loop(), name=label,
-        )  # fmt: skip
+            period=period,
+            loop=self.loop if setting.closed else Loop(),
+            name=label,
+        )
 
 
 def time_axis(time_s: object, count: int, place: str) -> np.ndarray:

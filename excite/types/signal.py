@@ -53,5 +53,8 @@ class Signal:
         if finer >= 1:
             u, period = np.repeat(self.u, finer, axis=0), self.period and self.period * finer
         else:
-            u, period = self.u[::coarser], self.period // coarser if self.period and self.period % coarser == 0 else None
+            u, period = (
+                self.u[::coarser],
+                self.period // coarser if self.period and self.period % coarser == 0 else None,
+            )
         return replace(self, u=u, dt=dt, period=period)

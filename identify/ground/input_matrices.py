@@ -24,9 +24,13 @@ class InputMatrices:
 
 
 def input_matrices(
-    experiments: tuple[Experiment, ...], A: np.ndarray, C: np.ndarray, K: np.ndarray, feedthrough: bool,
+    experiments: tuple[Experiment, ...],
+    A: np.ndarray,
+    C: np.ndarray,
+    K: np.ndarray,
+    feedthrough: bool,
     circular: np.ndarray | None = None,
-) -> InputMatrices:  # fmt: skip
+) -> InputMatrices:
     """Fit B, D, x0 of y = C (qI - Ak)^-1 [(B - K D) u + K y] + D u + C Ak^t x0 + e, with Ak = A - K C.
 
     K = 0 makes it the simulation (output-error) fit of open-loop data; with K it is the one-step predictor, the only
@@ -44,9 +48,13 @@ def input_matrices(
 
 
 def _by_normal_equations(
-    experiments: tuple[Experiment, ...], Ak: np.ndarray, C: np.ndarray, K: np.ndarray, feedthrough: bool,
+    experiments: tuple[Experiment, ...],
+    Ak: np.ndarray,
+    C: np.ndarray,
+    K: np.ndarray,
+    feedthrough: bool,
     circular: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return B - K D, D, x0 (experiments, n), or None where normal equations do not hold them.
 
     With Ak = T diag(lambda) T^-1, c = C T, kappa = T^-1 K and zeta_ai the response of mode i to channel a of [u, y],

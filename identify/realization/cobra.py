@@ -60,7 +60,9 @@ class Cobra(Method):
     """
 
     name: ClassVar[str] = "cobra"
-    summary: ClassVar[str] = "realization from covariance functions with an instrument; open and closed loop, long records"
+    summary: ClassVar[str] = (
+        "realization from covariance functions with an instrument; open and closed loop, long records"
+    )
     closed_loop: ClassVar[bool] = True
 
     block_rows: int = 20
@@ -77,7 +79,9 @@ class Cobra(Method):
             if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
                 raise ExciteError(f"{self.name}.{key}: {value!r}; give a whole number of samples, or leave it out")
         if self.instrument not in INSTRUMENTS:
-            raise ExciteError(f"{self.name}.instrument: {self.instrument!r}; {did_you_mean(str(self.instrument), INSTRUMENTS)}")
+            raise ExciteError(
+                f"{self.name}.instrument: {self.instrument!r}; {did_you_mean(str(self.instrument), INSTRUMENTS)}"
+            )
 
     def lags(self) -> tuple[int, int]:
         """First and last lag."""
@@ -90,7 +94,11 @@ class Cobra(Method):
             return reason
         data = experiments(data)
         if self._uses_reference(data) and (reason := reference_missing(data)):
-            accept = "" if self.instrument == "reference" else " (or accept the bias of a closed loop: instrument = 'inputs')"
+            accept = (
+                ""
+                if self.instrument == "reference"
+                else " (or accept the bias of a closed loop: instrument = 'inputs')"
+            )
             return reason + accept
         if self.largest_order(data) < 1:
             first, last = self.lags()
@@ -145,10 +153,15 @@ class Cobra(Method):
         biased = not reference and any(e.loop.closed for e in data)
         warnings += (BIASED,) * biased
         return complete(
-            self.name, model, shifted, data, None if biased else factor.instruments, warnings,
+            self.name,
+            model,
+            shifted,
+            data,
+            None if biased else factor.instruments,
+            warnings,
             path=f"covariances with {'the reference' if reference else 'the inputs'}, lags {start} to {stop}",
             products=sum(max(0, len(e) - self.span(n) + 1) for e in data),
-        )  # fmt: skip
+        )
 
     def _uses_reference(self, data: tuple[Experiment, ...]) -> bool:
         return self.instrument == "reference" or (self.instrument == "auto" and any(e.loop.closed for e in data))

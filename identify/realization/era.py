@@ -23,7 +23,9 @@ class Era(ResponseMethod):
     """
 
     name: ClassVar[str] = "era"
-    summary: ClassVar[str] = "eigensystem realization of impulse responses or free decays; A from the shifted Hankel matrix"
+    summary: ClassVar[str] = (
+        "eigensystem realization of impulse responses or free decays; A from the shifted Hankel matrix"
+    )
     beyond: ClassVar[int] = 1
 
     block_columns: int | None = None
@@ -56,7 +58,9 @@ class Era(ResponseMethod):
         """Read the responses, factor H(0) and form H(1)."""
         responses = impulse_responses(experiments(data))
         markov = responses.markov[: self.block_rows + self.columns(data)]
-        return ResponseFactor(responses, hankel_svd(markov[:-1], self.block_rows), hankel_of(markov[1:], self.block_rows))
+        return ResponseFactor(
+            responses, hankel_svd(markov[:-1], self.block_rows), hankel_of(markov[1:], self.block_rows)
+        )
 
     def system(self, factor: ResponseFactor, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A from H(1)."""

@@ -76,7 +76,9 @@ class IoRealization(Method):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.instrument not in INSTRUMENTS:
-            raise ExciteError(f"{self.name}.instrument: {self.instrument!r}; {did_you_mean(str(self.instrument), INSTRUMENTS)}")
+            raise ExciteError(
+                f"{self.name}.instrument: {self.instrument!r}; {did_you_mean(str(self.instrument), INSTRUMENTS)}"
+            )
 
     def unsupported(self, data: Data) -> str | None:
         """Return why these data do not suit: no reference, or too few of them, where it has to be the instrument."""
@@ -84,7 +86,11 @@ class IoRealization(Method):
             return reason
         data = experiments(data)
         if self._instrument(data) == "reference" and (reason := reference_missing(data)):
-            biased = "" if self.instrument == "reference" else "; instrument = 'past_inputs' accepts the bias of a closed loop"
+            biased = (
+                ""
+                if self.instrument == "reference"
+                else "; instrument = 'past_inputs' accepts the bias of a closed loop"
+            )
             return reason + biased
         if self.largest_order(data) < 1:
             nu, m, rows = len(data[0].inputs), len(data[0].references), self.block_rows + 1
@@ -153,7 +159,9 @@ class IoRealization(Method):
         x0 = None
         if reference or biased or spectral_radius(A) >= 1:
             if not (reference or biased):
-                warnings += ("A is not stable, so B and D were fitted to covariances with the input, not by simulation",)
+                warnings += (
+                    "A is not stable, so B and D were fitted to covariances with the input, not by simulation",
+                )
             instruments = factor.instruments or tuple(e.u for e in data)
             R_u, R_y = covariances(data, instruments, -self.past, 2 * self.block_rows)
             B, D = covariance_input_matrices(R_u, R_y, A, C, self.feedthrough)
@@ -162,9 +170,16 @@ class IoRealization(Method):
             B, D, x0 = found.B, found.D, found.x0
         model = StateSpaceModel(A, B, C, D, first.dt, inputs=first.inputs, outputs=first.outputs)
         return complete(
-            self.name, model, shifted, data, None if biased else factor.instruments, warnings, x0=x0,
-            condition=factor.hankel.condition, path=factor.hankel.path,
-        )  # fmt: skip
+            self.name,
+            model,
+            shifted,
+            data,
+            None if biased else factor.instruments,
+            warnings,
+            x0=x0,
+            condition=factor.hankel.condition,
+            path=factor.hankel.path,
+        )
 
     def _instrument(self, data: tuple[Experiment, ...]) -> str:
         if self.instrument != "auto":

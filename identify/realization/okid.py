@@ -80,7 +80,7 @@ class Okid(DecomposingMethod):
         weighted = np.concatenate([h[:, :, :nu] * u_weight, h[:, :, nu:] @ e_weight], axis=2)
         return ObserverMarkov(
             hankel_svd(weighted[:-1], p), hankel_of(weighted[1:], p), u_weight, e_weight, arx.D, arx.E
-        )  # fmt: skip
+        )
 
     def realize(self, factor: PastFuture, order: int | None) -> Estimate:
         """Return the model of one order."""
@@ -90,6 +90,15 @@ class Okid(DecomposingMethod):
         noisy = found.e_weight.size > 0
         K = la.solve(found.e_weight.T, BK[:, nu:].T).T if noisy else np.zeros((n, factor.ny))
         return complete(
-            self.name, factor, A, C, K, found.E, feedthrough=self.feedthrough, predictor=self.uses_predictor(factor),
-            singular_values=found.svd.values, warnings=warnings, fitted=(BK[:, :nu] / found.u_weight, found.D),
-        )  # fmt: skip
+            self.name,
+            factor,
+            A,
+            C,
+            K,
+            found.E,
+            feedthrough=self.feedthrough,
+            predictor=self.uses_predictor(factor),
+            singular_values=found.svd.values,
+            warnings=warnings,
+            fitted=(BK[:, :nu] / found.u_weight, found.D),
+        )

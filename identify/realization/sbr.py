@@ -74,7 +74,11 @@ class Sbr(Method):
         if longest == 0:
             return "no record has a step: every input is zero throughout"
         if longest < self.block_rows + 2:
-            remedy = f"give at most {longest - 2}" if longest > 3 else "it is not a step (give it as commanded, without noise)"
+            remedy = (
+                f"give at most {longest - 2}"
+                if longest > 3
+                else "it is not a step (give it as commanded, without noise)"
+            )
             return (
                 f"block_rows {self.block_rows} needs an input that stays constant for {self.block_rows + 2} samples after a "
                 f"step, and here it does so for {longest} at most; {remedy}"
@@ -136,9 +140,14 @@ class Sbr(Method):
         first = factor.experiments[0]
         model = StateSpaceModel(A, B, C, D, first.dt, inputs=first.inputs, outputs=first.outputs)
         return Estimate(
-            model, self.name, n, x0=x0, singular_values=factor.svd.values, warnings=warnings,
+            model,
+            self.name,
+            n,
+            x0=x0,
+            singular_values=factor.svd.values,
+            warnings=warnings,
             status=Status.SUSPECT if surplus else Status.OK,
-        )  # fmt: skip
+        )
 
     def input_parameters(
         self, data: tuple[Experiment, ...], A: np.ndarray, C: np.ndarray
@@ -163,7 +172,9 @@ class Sbr(Method):
         scale = np.linalg.norm(phi, axis=0)
         scale[scale == 0] = 1.0
         if not np.isfinite(scale).all():
-            raise ExciteError(f"sbr: the estimate of order {n} is so unstable that its responses overflow; lower the order")
+            raise ExciteError(
+                f"sbr: the estimate of order {n} is so unstable that its responses overflow; lower the order"
+            )
         theta, _, rank, _ = la.lstsq(phi / scale, np.concatenate([e.y.ravel() for e in data]), cond=1e-10)
         theta /= scale
         B = theta[:direct].reshape(nu, n).T

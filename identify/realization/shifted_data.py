@@ -72,9 +72,12 @@ def reference_missing(data: tuple[Experiment, ...]) -> str | None:
 
 
 def covariances(
-    experiments: tuple[Experiment, ...], instruments: tuple[np.ndarray, ...], first_lag: int, last_lag: int,
+    experiments: tuple[Experiment, ...],
+    instruments: tuple[np.ndarray, ...],
+    first_lag: int,
+    last_lag: int,
     segments: int = 1,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """Return R_u (lags, nu, m) and R_y (lags, ny, m) over all records; `segments` above 1 smooth them."""
     R = []
     for key in ("u", "y"):
@@ -101,10 +104,18 @@ def covariance_input_matrices(
 
 
 def complete(
-    name: str, model: StateSpaceModel, shifted: ShiftedData, experiments: tuple[Experiment, ...],
-    instruments: tuple[np.ndarray, ...] | None, warnings: tuple[str, ...], *, path: str, condition: float | None = None,
-    products: int = 1, x0: tuple[np.ndarray, ...] | None = None,
-) -> Estimate:  # fmt: skip
+    name: str,
+    model: StateSpaceModel,
+    shifted: ShiftedData,
+    experiments: tuple[Experiment, ...],
+    instruments: tuple[np.ndarray, ...] | None,
+    warnings: tuple[str, ...],
+    *,
+    path: str,
+    condition: float | None = None,
+    products: int = 1,
+    x0: tuple[np.ndarray, ...] | None = None,
+) -> Estimate:
     """Return the estimate with its poles' uncertainty and, unless given, the x0 that each record's simulation fits best.
 
     instruments : (N_i, m) of each record, None where no instrument is free of the noise; products : how many each entry
@@ -120,6 +131,13 @@ def complete(
         else:
             warnings += ("no uncertainty: A is not stable, so that no simulation tells the noise",)
     return Estimate(
-        model, name, model.order, x0=x0, singular_values=shifted.svd.values, uncertainty=uncertainty, warnings=warnings,
-        condition=condition, path=path,
-    )  # fmt: skip
+        model,
+        name,
+        model.order,
+        x0=x0,
+        singular_values=shifted.svd.values,
+        uncertainty=uncertainty,
+        warnings=warnings,
+        condition=condition,
+        path=path,
+    )

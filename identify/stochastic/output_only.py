@@ -27,7 +27,8 @@ class OutputOnlyMethod(Method):
     asymptotic: ClassVar[bool] = True
 
     block_rows: int = field(
-        default=20, metadata={"meaning": "r, rows of past and of future each; at least half a period of the slowest mode"}
+        default=20,
+        metadata={"meaning": "r, rows of past and of future each; at least half a period of the slowest mode"},
     )
 
     def unsupported(self, data: Data) -> str | None:
@@ -73,14 +74,22 @@ def noise_model(
             raise ExciteError("the innovations' covariance is not positive definite")
     except (ExciteError, la.LinAlgError) as error:
         model = StateSpaceModel(A, empty[0], C, empty[1], first.dt, **channels)
-        return model, (f"no Kalman gain: the estimated output covariances are not positive real ({error}); A and C stand",)
+        return model, (
+            f"no Kalman gain: the estimated output covariances are not positive real ({error}); A and C stand",
+        )
     return StateSpaceModel(A, empty[0], C, empty[1], first.dt, K=K, innovation_cov=cov, **channels), ()
 
 
 def output_only_estimate(
-    name: str, model: StateSpaceModel, data: tuple[Experiment, ...], values: np.ndarray, warnings: tuple[str, ...], *,
-    path: str, condition: float | None = None,
-) -> Estimate:  # fmt: skip
+    name: str,
+    model: StateSpaceModel,
+    data: tuple[Experiment, ...],
+    values: np.ndarray,
+    warnings: tuple[str, ...],
+    *,
+    path: str,
+    condition: float | None = None,
+) -> Estimate:
     """Return the estimate with the initial state of each record."""
     x0 = tuple(initial_state(model, e, predictor=model.K is not None) for e in data)
     return Estimate(

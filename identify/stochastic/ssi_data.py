@@ -46,6 +46,11 @@ class SsiData(OutputOnlyMethod):
         cov = residual @ residual.T / factor.factor.columns
         model, more = noise_model(factor.experiments[0], A, C, cov[:n, :n], cov[n:, n:], cov[:n, n:])
         return output_only_estimate(
-            self.name, model, factor.experiments, values, warnings + more, path=factor.factor.path,
+            self.name,
+            model,
+            factor.experiments,
+            values,
+            warnings + more,
+            path=factor.factor.path,
             condition=factor.factor.condition,
-        )  # fmt: skip
+        )

@@ -71,9 +71,18 @@ class N4sid(TwoHorizonMethod):
         A, guarded = self.guard(solved.A, solved.C, self.future)
         K, E = gain_of(A, solved, factor)
         return complete(
-            self.name, factor, A, solved.C, K, E, feedthrough=self.feedthrough, predictor=self.uses_predictor(factor),
-            singular_values=found.values, warnings=warnings + guarded, fitted=None if guarded else (solved.B, solved.D),
-        )  # fmt: skip
+            self.name,
+            factor,
+            A,
+            solved.C,
+            K,
+            E,
+            feedthrough=self.feedthrough,
+            predictor=self.uses_predictor(factor),
+            singular_values=found.values,
+            warnings=warnings + guarded,
+            fitted=None if guarded else (solved.B, solved.D),
+        )
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,19 @@ from identify.ground.kalman import spectral_radius
 
 
 def complete(
-    name: str, data: PastFuture, A: np.ndarray, C: np.ndarray, K: np.ndarray, E: np.ndarray, *, feedthrough: bool,
-    predictor: bool, singular_values: np.ndarray, warnings: tuple[str, ...] = (),
+    name: str,
+    data: PastFuture,
+    A: np.ndarray,
+    C: np.ndarray,
+    K: np.ndarray,
+    E: np.ndarray,
+    *,
+    feedthrough: bool,
+    predictor: bool,
+    singular_values: np.ndarray,
+    warnings: tuple[str, ...] = (),
     fitted: tuple[np.ndarray, np.ndarray] | None = None,
-) -> Estimate:  # fmt: skip
+) -> Estimate:
     """Return the estimate with B, D and x0 fitted on all samples (B and D unless the method has `fitted` them itself).
 
     predictor : fit them through the one-step predictor (A - K C); else by simulation, which only open-loop data and a
@@ -41,14 +50,22 @@ def complete(
         gain = K if predictor else np.zeros_like(K)
         found = input_matrices(data.experiments, A, C, gain, feedthrough, data.circular)
         if not all(np.isfinite(m).all() for m in (found.B, found.D)):
-            raise ExciteError(f"{name}: the fit of B and D overflowed (A has radius {spectral_radius(A):.3f}); lower the order")
+            raise ExciteError(
+                f"{name}: the fit of B and D overflowed (A has radius {spectral_radius(A):.3f}); lower the order"
+            )
         model = StateSpaceModel(A, found.B, C, found.D, first.dt, **noise, **channels)
         x0 = found.x0
     else:
         model = StateSpaceModel(A, fitted[0], C, fitted[1], first.dt, **noise, **channels)
         x0 = tuple(initial_state(model, e, predictor) for e in data.experiments)
     return Estimate(
-        model, name, len(A), x0=x0, singular_values=singular_values,
-        status=Status.SUSPECT if warnings and noisy and radius >= 1 else Status.OK, warnings=tuple(warnings),
-        condition=data.factor.condition, path=data.factor.path,
-    )  # fmt: skip
+        model,
+        name,
+        len(A),
+        x0=x0,
+        singular_values=singular_values,
+        status=Status.SUSPECT if warnings and noisy and radius >= 1 else Status.OK,
+        warnings=tuple(warnings),
+        condition=data.factor.condition,
+        path=data.factor.path,
+    )

@@ -82,9 +82,18 @@ class Ssinnov1(TwoHorizonMethod):
         K = np.zeros(C.T.shape) if silent else self._onto(A, C, found.noise)
         closed = any(e.loop.closed for e in factor.experiments)
         return complete(
-            self.name, factor, A, C, K, found.E, feedthrough=self.feedthrough, predictor=closed,
-            singular_values=found.H.values, warnings=warnings + guarded, fitted=(B, found.D),
-        )  # fmt: skip
+            self.name,
+            factor,
+            A,
+            C,
+            K,
+            found.E,
+            feedthrough=self.feedthrough,
+            predictor=closed,
+            singular_values=found.H.values,
+            warnings=warnings + guarded,
+            fitted=(B, found.D),
+        )
 
     @staticmethod
     def _onto(A: np.ndarray, C: np.ndarray, response: np.ndarray) -> np.ndarray:

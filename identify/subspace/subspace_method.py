@@ -57,10 +57,12 @@ class SubspaceMethod(Method):
     extent: ClassVar[str] = "past + future"  # what messages call the sum of the horizons
 
     feedthrough: bool = field(
-        default=False, metadata={"meaning": "estimate D (else zero); where the loop is closed, the controller then needs a delay"}
+        default=False,
+        metadata={"meaning": "estimate D (else zero); where the loop is closed, the controller then needs a delay"},
     )
     input_delay: int = field(
-        default=0, metadata={"minimum": 0, "meaning": "known dead time of all inputs in samples, for which the model has states"}
+        default=0,
+        metadata={"minimum": 0, "meaning": "known dead time of all inputs in samples, for which the model has states"},
     )
 
     @abstractmethod
@@ -121,7 +123,9 @@ class DecomposingMethod(SubspaceMethod):
 
     stability_guard: bool = field(
         default=False,
-        metadata={"meaning": "replace an unstable A by a stable one (Maciejowski 1995); not for unstable or integrating plants"},
+        metadata={
+            "meaning": "replace an unstable A by a stable one (Maciejowski 1995); not for unstable or integrating plants"
+        },
     )
 
     @abstractmethod
@@ -140,9 +144,17 @@ class DecomposingMethod(SubspaceMethod):
             A, C = shift_invariance(found.gamma[:, :n], factor.ny)
         A, guarded = self.guard(A, C, factor.future)
         return complete(
-            self.name, factor, A, C, K, E, feedthrough=self.feedthrough, predictor=self.uses_predictor(factor),
-            singular_values=found.values, warnings=warnings + guarded,
-        )  # fmt: skip
+            self.name,
+            factor,
+            A,
+            C,
+            K,
+            E,
+            feedthrough=self.feedthrough,
+            predictor=self.uses_predictor(factor),
+            singular_values=found.values,
+            warnings=warnings + guarded,
+        )
 
     def guard(self, A: np.ndarray, C: np.ndarray, rows: int) -> tuple[np.ndarray, tuple[str, ...]]:
         """Return A, stable where the setting asks for it, and a warning where it was changed."""

@@ -57,9 +57,14 @@ def projected(Y: np.ndarray, *on: np.ndarray) -> np.ndarray:
 
 
 def fit_input_matrices(
-    target: np.ndarray, U: np.ndarray, reach: np.ndarray, inverse_next: np.ndarray, gamma: np.ndarray, ny: int,
+    target: np.ndarray,
+    U: np.ndarray,
+    reach: np.ndarray,
+    inverse_next: np.ndarray,
+    gamma: np.ndarray,
+    ny: int,
     feedthrough: bool,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Return [D; B] (ny + n, nu) that make sum_k N_k [D; B] U_k, over the block rows U_k of U, fit `target` best.
 
     Block column k of M is N_k [D; B] = [Gamma_(f-1)^+ h_(k-1); 0] - reach h_k, where h_k is block column k of the

@@ -69,7 +69,9 @@ def dynamics(values: Mapping[str, float], surfaces: Sequence[str], sensors: np.n
     p_dot, rate = p, p
     if roll:
         aileron = surfaces.index("aileron")
-        p_dot = -p / values["roll_time_constant"] + values["roll_effectiveness"] * d[[aileron]] + values["roll_gust"] * w
+        p_dot = (
+            -p / values["roll_time_constant"] + values["roll_effectiveness"] * d[[aileron]] + values["roll_gust"] * w
+        )
         rate = p + values["gyro_elastic"] * q_dot[owner == aileron].sum(0)
     motion = np.vstack([d_dot, d_ddot, q_dot, q_ddot, p_dot, gust_dot])
 
@@ -81,13 +83,23 @@ def dynamics(values: Mapping[str, float], surfaces: Sequence[str], sensors: np.n
     Gd = sampled_noise(motion[:, :n], motion[:, -1:], DT)
     accelerometers = int((sensors < len(ACCELEROMETERS)).sum())
     widths = {
-        "gust": n, "accelerometers": accelerometers, "taps": len(sensors) - accelerometers, "gyro": roll, "positions": ns,
-    }  # fmt: skip
+        "gust": n,
+        "accelerometers": accelerometers,
+        "taps": len(sensors) - accelerometers,
+        "gyro": roll,
+        "positions": ns,
+    }
     return Dynamics(
-        A, B, C, np.zeros((len(C), ns)), np.hstack([Gd, np.zeros((n, len(C)))]),
+        A,
+        B,
+        C,
+        np.zeros((len(C), ns)),
+        np.hstack([Gd, np.zeros((n, len(C)))]),
         np.hstack([np.zeros((len(C), n)), np.eye(len(C))]),
-        {name: width for name, width in widths.items() if width}, noise_states=2, stationary=True,
-    )  # fmt: skip
+        {name: width for name, width in widths.items() if width},
+        noise_states=2,
+        stationary=True,
+    )
 
 
 def coherence(plant: Dynamics, surfaces: Sequence[str]) -> np.ndarray:

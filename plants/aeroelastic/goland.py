@@ -33,7 +33,9 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         "torsional_stiffness": Parameter(0.987e6, "N m2", GOLAND),
         "damping": Parameter(0.005, "1", "assumption: structural, of every mode without air", "non-negative"),
         "shaker_span": Parameter(1.0, "span", "assumption: shaker at the tip"),
-        "shaker_chord": Parameter(0.6, "chord", "assumption: behind the elastic axis, so that it bends and twists", "any"),
+        "shaker_chord": Parameter(
+            0.6, "chord", "assumption: behind the elastic axis, so that it bends and twists", "any"
+        ),
         "turbulence_length": Parameter(533.0, "m", "MIL-F-8785C: scale of Dryden turbulence at altitude"),
     }
 }
@@ -43,10 +45,17 @@ NOISE_SOURCES = {
 }
 FORCE = 200.0  # N, an assumption: 0.1 g of the wing's mass
 DT = 0.002  # s: 500 Hz, above twice the fastest mode (149 Hz without air)
-SENSORS = {"mid_front": (0.5, 0.1), "mid_rear": (0.5, 0.9), "tip_front": (1.0, 0.1), "tip_rear": (1.0, 0.9)}  # span, chord
+SENSORS = {
+    "mid_front": (0.5, 0.1),
+    "mid_rear": (0.5, 0.9),
+    "tip_front": (1.0, 0.1),
+    "tip_rear": (1.0, 0.9),
+}  # span, chord
 MODES = 3  # of bending, and of torsion
 # Of the uncoupled modes, in radians over the span: roots of cos b cosh b = -1, and odd multiples of pi / 2.
-WAVE_NUMBERS = np.array([1.8751040687119611, 4.694091132974175, 7.854757438237613, np.pi / 2, 3 * np.pi / 2, 5 * np.pi / 2])
+WAVE_NUMBERS = np.array(
+    [1.8751040687119611, 4.694091132974175, 7.854757438237613, np.pi / 2, 3 * np.pi / 2, 5 * np.pi / 2]
+)
 # Jones (1940), NACA Report 681: Wagner's function is 1 - sum_i LAG_SHARES_i exp(-LAG_RATES_i s), s in semi-chords travelled.
 LAG_SHARES, LAG_RATES = np.array([0.165, 0.335]), np.array([0.0455, 0.3])
 SEARCHED = np.arange(2.0, 1000.0, 2.0)  # m/s, where flutter is looked for, and steps along which modes are followed
@@ -120,7 +129,9 @@ class Wing:
         by_place = np.diag(np.repeat([0.0, U], MODES))  # what q and q' add to w, coordinate by coordinate
         by_rate = np.diag(np.repeat([1.0, b * (1 / 2 - a)], MODES))
         rates = LAG_RATES * U / b
-        force = np.hstack([-self.K - lift @ by_place / 2, -D - lift @ by_rate / 2, *np.multiply.outer(-LAG_SHARES * rates, lift)])
+        force = np.hstack(
+            [-self.K - lift @ by_place / 2, -D - lift @ by_rate / 2, *np.multiply.outer(-LAG_SHARES * rates, lift)]
+        )
         A, B = np.zeros((4 * n, 4 * n)), np.zeros((4 * n, n + 1))
         A[:n, n : 2 * n] = np.eye(n)
         A[n : 2 * n], B[n : 2 * n] = np.split(la.solve(M, np.hstack([force, np.eye(n), -gust])), [4 * n], axis=1)
@@ -204,15 +215,24 @@ def goland(preset: str = "goland", parameters: Mapping[str, Any] | None = None) 
         description="Goland wing: cantilever in bending and torsion with unsteady strip-theory air forces, tip shaker",
         dt=DT,
         dynamics=Dynamics(
-            balanced, held[:, -1:] / unit[:, None], accelerations[:, :-1] * unit, accelerations[:, -1:],
-            np.hstack([G / unit[:, None], np.zeros((len(G), ny))]), np.hstack([np.zeros((ny, len(G))), np.eye(ny)]),
-            {"gust": len(G), "measurement": ny}, noise_states=len(air), stationary=True,
+            balanced,
+            held[:, -1:] / unit[:, None],
+            accelerations[:, :-1] * unit,
+            accelerations[:, -1:],
+            np.hstack([G / unit[:, None], np.zeros((len(G), ny))]),
+            np.hstack([np.zeros((ny, len(G))), np.eye(ny)]),
+            {"gust": len(G), "measurement": ny},
+            noise_states=len(air),
+            stationary=True,
         ),
         inputs=(Channel("force", "N"),),
         outputs=tuple(Channel(f"acc_{name}", "m/s2") for name in SENSORS),
-        limits=((-FORCE, FORCE),), parameters=found, noise_sources=NOISE_SOURCES, preset=preset,
+        limits=((-FORCE, FORCE),),
+        parameters=found,
+        noise_sources=NOISE_SOURCES,
+        preset=preset,
         note=f"shaker force, upward; the limit is an assumption; {onset}",
-    )  # fmt: skip
+    )
 
 
 def _shapes(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

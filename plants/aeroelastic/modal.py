@@ -37,15 +37,21 @@ def aeroelastic(preset: str = "flap", parameters: Mapping[str, Any] | None = Non
     positions = tuple(Channel(f"{s}_position", "deg") for s in surfaces)
     travel, rate = (np.array([values[f"{s}_{limit}"] for s in surfaces]) for limit in ("travel", "rate"))
     return ModalAircraft(
-        name=NAME, description=DESCRIPTIONS[preset], dt=DT, dynamics=plant, preset=preset, parameters=resolved,
+        name=NAME,
+        description=DESCRIPTIONS[preset],
+        dt=DT,
+        dynamics=plant,
+        preset=preset,
+        parameters=resolved,
         inputs=tuple(Channel(f"{s}_command", "deg") for s in surfaces),
         outputs=(*(SENSORS[i] for i in sensors), *((ROLL_RATE,) if feedback else ()), *positions),
         limits=tuple((-most, most) for most in travel.tolist()),
         reference_limits=((-60.0, 60.0),) if feedback else (),
-        noise_sources={name: NOISE[name] for name in plant.sources}, feedback=feedback,
+        noise_sources={name: NOISE[name] for name in plant.sources},
+        feedback=feedback,
         actuator=(Saturation(-travel, travel), RamRate(*_rams(values, surfaces), rate)),
         note="sampled at 100 Hz; <surface>_command_actual is what the limits of travel and rate leave of the command",
-    )  # fmt: skip
+    )
 
 
 def _rams(values: Mapping[str, float], surfaces: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -115,7 +121,12 @@ class ModalAircraft(LinearPlant):
         P = B @ la.inv(B[:surfaces])  # the positions are the first states
         step = (A - P @ A[:surfaces])[surfaces:]
         model = StateSpaceModel(
-            step[:, surfaces:], step @ P, C[:, surfaces:], C @ P, self.dt,
-            inputs=self.outputs[-surfaces:], outputs=self.outputs[:sensors],
-        )  # fmt: skip
+            step[:, surfaces:],
+            step @ P,
+            C[:, surfaces:],
+            C @ P,
+            self.dt,
+            inputs=self.outputs[-surfaces:],
+            outputs=self.outputs[:sensors],
+        )
         return Truth(model, "exact", valid_amplitude="any", poles=la.eigvals(A[2 * surfaces :, 2 * surfaces :]))

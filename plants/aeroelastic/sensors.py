@@ -7,13 +7,29 @@ import numpy as np
 
 CHORD = {"front": -1.0, "mid": 0.0, "rear": 1.0}
 SIDES = {"left": -1.0, "right": 1.0}
-FUSELAGE = ("nose_vertical", "nose_lateral", "cg_vertical", "cg_lateral", "aft_vertical", "aft_lateral",
-            "stabilator_left_vertical", "stabilator_right_vertical", "fin_left_lateral", "fin_right_lateral")  # fmt: skip
+FUSELAGE = (
+    "nose_vertical",
+    "nose_lateral",
+    "cg_vertical",
+    "cg_lateral",
+    "aft_vertical",
+    "aft_lateral",
+    "stabilator_left_vertical",
+    "stabilator_right_vertical",
+    "fin_left_lateral",
+    "fin_right_lateral",
+)
 SPAN = 8  # accelerometer stations of a wing
 TAP_SPAN = 3  # stations of pressure taps of a wing
 
 WING = [(side, k, chord) for side in SIDES for k in range(1, SPAN + 1) for chord in CHORD]
-TAPS = [(side, k, face, chord) for side in SIDES for k in range(1, TAP_SPAN + 1) for face in ("top", "bottom") for chord in CHORD]
+TAPS = [
+    (side, k, face, chord)
+    for side in SIDES
+    for k in range(1, TAP_SPAN + 1)
+    for face in ("top", "bottom")
+    for chord in CHORD
+]
 ACCELEROMETERS = tuple(f"acc_{side}_{k}_{chord}" for side, k, chord in WING) + tuple(f"acc_{name}" for name in FUSELAGE)
 PRESSURES = tuple(f"tap_{side}_{k}_{face}_{chord}" for side, k, face, chord in TAPS)
 
@@ -21,20 +37,24 @@ PRESSURES = tuple(f"tap_{side}_{k}_{face}_{chord}" for side, k, face, chord in T
 # rear edge), and motion of the fuselage, of the stabilators and fins.
 BEAM = (1.875104, 4.694091, 7.854757)  # roots of cos b cosh b = -1
 SHAPES = {
-    "symmetric": np.array([
-        [1.0, 0.0, 0.0, 0.1, 0.0, 0.10, 0.2],  # first wing bending
-        [0.1, 0.2, 0.0, 0.8, 0.0, 0.05, 0.1],  # wing torsion
-        [0.0, 1.0, 0.1, 0.2, 0.1, 0.20, 0.3],  # second wing bending
-    ]),
-    "antisymmetric": np.array([
-        [0.5, 0.0, 0.0, 0.1, 0.0, 0.60, 0.6],  # fuselage bending
-        [1.0, 0.1, 0.0, 0.1, 0.0, 0.10, 0.1],  # wing bending
-        [0.3, 0.3, 0.0, 0.2, 0.0, 0.10, 1.0],  # stabilators and fins
-        [0.1, 0.2, 0.0, 0.9, 0.1, 0.05, 0.1],  # wing torsion
-        [0.1, 0.9, 0.1, 0.2, 0.1, 0.10, 0.2],  # second wing bending
-        [0.0, 0.2, 0.5, 0.3, 0.6, 0.05, 0.1],  # outer wing
-    ]),
-}  # fmt: skip
+    "symmetric": np.array(
+        [
+            [1.0, 0.0, 0.0, 0.1, 0.0, 0.10, 0.2],  # first wing bending
+            [0.1, 0.2, 0.0, 0.8, 0.0, 0.05, 0.1],  # wing torsion
+            [0.0, 1.0, 0.1, 0.2, 0.1, 0.20, 0.3],  # second wing bending
+        ]
+    ),
+    "antisymmetric": np.array(
+        [
+            [0.5, 0.0, 0.0, 0.1, 0.0, 0.60, 0.6],  # fuselage bending
+            [1.0, 0.1, 0.0, 0.1, 0.0, 0.10, 0.1],  # wing bending
+            [0.3, 0.3, 0.0, 0.2, 0.0, 0.10, 1.0],  # stabilators and fins
+            [0.1, 0.2, 0.0, 0.9, 0.1, 0.05, 0.1],  # wing torsion
+            [0.1, 0.9, 0.1, 0.2, 0.1, 0.10, 0.2],  # second wing bending
+            [0.0, 0.2, 0.5, 0.3, 0.6, 0.05, 0.1],  # outer wing
+        ]
+    ),
+}
 FELT = {  # Pa for a degree of a surface, or for 1 m/s of upwash; the top feels suction, the bottom half as much pressure
     "flap": {"front": 90.0, "mid": 15.0, "rear": 5.0},
     "aileron": {"front": 5.0, "mid": 20.0, "rear": 60.0},
@@ -49,7 +69,9 @@ def shapes(family: str) -> np.ndarray:
     eta = np.array([k / SPAN for _, k, _ in WING] + [k / TAP_SPAN for _, k, _, _ in TAPS])
     xi = np.array([CHORD[chord] for *_, chord in (*WING, *TAPS)])
     side = np.array([SIDES[place[0]] if odd else 1.0 for place in (*WING, *TAPS)])
-    wing = np.column_stack([*(bending(root, eta) for root in BEAM), *(np.sin(k * np.pi * eta / 2) * xi for k in (1, 3))])
+    wing = np.column_stack(
+        [*(bending(root, eta) for root in BEAM), *(np.sin(k * np.pi * eta / 2) * xi for k in (1, 3))]
+    )
     wing = np.hstack([side[:, None] * wing, np.zeros((len(eta), 2))])
     body = np.zeros((len(FUSELAGE), wing.shape[1]))
     for row, name in zip(body, FUSELAGE, strict=True):

@@ -66,11 +66,14 @@ def _tried(path: Path, modified: int, size: int) -> mujoco.MjModel:
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         raise ExciteError(f'{path}: integrator RK4 cannot be linearised; use integrator="implicitfast", or Euler')
     if model.nhistory:
-        raise ExciteError(f"{path}: delays actuators or sensors, which the linearisation does not see; drop delay and interval")
+        raise ExciteError(
+            f"{path}: delays actuators or sensors, which the linearisation does not see; drop delay and interval"
+        )
     for what, count, most in (
-        ("degrees of freedom", model.nv, MOST_VELOCITIES), ("actuators", model.nu, MOST_CHANNELS),
+        ("degrees of freedom", model.nv, MOST_VELOCITIES),
+        ("actuators", model.nu, MOST_CHANNELS),
         ("sensor values", model.nsensordata, MOST_CHANNELS),
-    ):  # fmt: skip
+    ):
         if not 0 < count <= most:
             raise ExciteError(f"{path}: has {count} {what}; a plant has 1 to {most}")
     return model

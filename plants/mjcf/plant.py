@@ -29,16 +29,20 @@ FASTEST = 1e6  # of any velocity, in the model's units: long before MuJoCo reset
 PRESETS: dict[str, dict[str, Parameter]] = {
     "example": {
         "file": Parameter(NONE, "path", "an MJCF file; none: a pole that hangs from a cart, an example of our own"),
-        "keyframe": Parameter(NONE, "name", "the trim, an equilibrium; none: the model's initial state without control"),
+        "keyframe": Parameter(
+            NONE, "name", "the trim, an equilibrium; none: the model's initial state without control"
+        ),
         "dt": Parameter(NONE, "s", "a multiple of the model's timestep; none: the timestep"),
         "controller": Parameter(NONE, "1", "as that of lti: {kp, ki, kd}, {num, den} or {A, B, C, D}; measured, sign"),
-        "state_feedback": Parameter(NONE, "1", "rows K of u = r - K x, x: deviations of positions, velocities, activations"),
+        "state_feedback": Parameter(
+            NONE, "1", "rows K of u = r - K x, x: deviations of positions, velocities, activations"
+        ),
         "inputs": Parameter(NONE, "1", "names with units; none: those of the actuators, without unit"),
         "outputs": Parameter(NONE, "1", "names with units; none: those of the sensors"),
         "limits": Parameter([1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one each"),
         "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one a set-point"),
     }
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +133,9 @@ def _fields(values: Mapping[str, Any], model: mujoco.MjModel) -> dict[str, Any]:
     dt = number(values.get("dt", step), "'dt'")
     steps = round(dt / step)
     if steps < 1 or abs(dt - steps * step) > 1e-9 * dt:
-        raise ExciteError(f"'dt': {dt:g} s is no whole multiple of the model's timestep; give {max(steps, 1) * step:g} s")
+        raise ExciteError(
+            f"'dt': {dt:g} s is no whole multiple of the model's timestep; give {max(steps, 1) * step:g} s"
+        )
     dynamics = linearise(model, trim, steps)
     actuators = [f"{model.actuator(i).name or f'actuator_{i}'} [1]" for i in range(model.nu)]
     sensors = sensor_channels(model)
@@ -139,27 +145,43 @@ def _fields(values: Mapping[str, Any], model: mujoco.MjModel) -> dict[str, Any]:
     limited = model.actuator_ctrllimited.astype(bool)
     bounds = np.where(limited[:, None], model.actuator_ctrlrange - trim.ctrl[:, None], np.inf * np.array([-1.0, 1.0]))
     if (bounds[:, 0] >= 0).any() or (bounds[:, 1] <= 0).any():
-        raise ExciteError(f"'keyframe': {trim.name} has a control at the end of its ctrlrange; leave room on both sides")
+        raise ExciteError(
+            f"'keyframe': {trim.name} has a control at the end of its ctrlrange; leave room on both sides"
+        )
     free = limits_of(values, "limits", model.nu)
-    limits = tuple(tuple(b.tolist()) if is_limited else f for b, f, is_limited in zip(bounds, free, limited, strict=True))
+    limits = tuple(
+        tuple(b.tolist()) if is_limited else f for b, f, is_limited in zip(bounds, free, limited, strict=True)
+    )
     noise = {CONTROL: Parameter(0.0, "of input", "assumption: white on every control, off unless given")}
     source = "the sensor's noise in the model file, white"
-    noise |= {name: Parameter(float(model.sensor_noise[i]), "of sensor", source) for i, name in enumerate(sensor_names(model))}
+    noise |= {
+        name: Parameter(float(model.sensor_noise[i]), "of sensor", source) for i, name in enumerate(sensor_names(model))
+    }
     fields = {
-        "dt": dt, "dynamics": dynamics, "inputs": inputs, "outputs": (*outputs, *states), "limits": limits,
-        "noise_sources": noise, "model": model, "trim": trim, "steps": steps,
-    }  # fmt: skip
+        "dt": dt,
+        "dynamics": dynamics,
+        "inputs": inputs,
+        "outputs": (*outputs, *states),
+        "limits": limits,
+        "noise_sources": noise,
+        "model": model,
+        "trim": trim,
+        "steps": steps,
+    }
     feedback = _feedback(values, [c.name for c in outputs], dynamics, dt)
     if feedback is None:
         return fields
     seen = np.zeros(len(dynamics.C), bool)
     seen[: model.nsensordata] = direct(model)
     if feedback.controller.D[:, seen[list(feedback.measured)]].any():
-        raise ExciteError("'controller': reads a force or an acceleration without delay, an algebraic loop; give it a delay")
+        raise ExciteError(
+            "'controller': reads a force or an acceleration without delay, an algebraic loop; give it a delay"
+        )
     return fields | {
-        "feedback": feedback, "reference_limits": limits_of(values, "setpoint_limits", len(feedback.measured)),
+        "feedback": feedback,
+        "reference_limits": limits_of(values, "setpoint_limits", len(feedback.measured)),
         "actuator": (Saturation(*bounds.T),) if limited.any() else (),
-    }  # fmt: skip
+    }
 
 
 def _feedback(values: Mapping[str, Any], sensors: list[str], dynamics: Dynamics, dt: float) -> Feedback | None:

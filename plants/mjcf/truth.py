@@ -105,7 +105,9 @@ def state_names(model: mujoco.MjModel) -> list[tuple[str, str]]:
     dofs = []
     for i in range(model.njnt):
         name, kind = model.joint(i).name or f"joint_{i}", model.jnt_type[i]
-        units = {0: ["m"] * 3 + ["rad"] * 3, 1: ["rad"] * 3, 2: ["m"], 3: ["rad"]}[int(kind)]  # free, ball, slide, hinge
+        units = {0: ["m"] * 3 + ["rad"] * 3, 1: ["rad"] * 3, 2: ["m"], 3: ["rad"]}[
+            int(kind)
+        ]  # free, ball, slide, hinge
         dofs += [(f"{name}_{j}" if len(units) > 1 else name, unit) for j, unit in enumerate(units)]
     positions = [(f"q_{name}", unit) for name, unit in dofs]
     velocities = [(f"v_{name}", f"{unit}/s") for name, unit in dofs]
@@ -114,11 +116,24 @@ def state_names(model: mujoco.MjModel) -> list[tuple[str, str]]:
 
 _S = mujoco.mjtSensor
 SENSOR_UNITS = {
-    _S.mjSENS_ACCELEROMETER: "m/s2", _S.mjSENS_FRAMELINACC: "m/s2", _S.mjSENS_VELOCIMETER: "m/s", _S.mjSENS_FRAMELINVEL: "m/s",
-    _S.mjSENS_SUBTREELINVEL: "m/s", _S.mjSENS_GYRO: "rad/s", _S.mjSENS_FRAMEANGVEL: "rad/s", _S.mjSENS_BALLANGVEL: "rad/s",
-    _S.mjSENS_FRAMEANGACC: "rad/s2", _S.mjSENS_FRAMEPOS: "m", _S.mjSENS_SUBTREECOM: "m", _S.mjSENS_RANGEFINDER: "m",
-    _S.mjSENS_TENDONPOS: "m", _S.mjSENS_TENDONVEL: "m/s", _S.mjSENS_FORCE: "N", _S.mjSENS_TOUCH: "N", _S.mjSENS_TORQUE: "N m",
-}  # fmt: skip
+    _S.mjSENS_ACCELEROMETER: "m/s2",
+    _S.mjSENS_FRAMELINACC: "m/s2",
+    _S.mjSENS_VELOCIMETER: "m/s",
+    _S.mjSENS_FRAMELINVEL: "m/s",
+    _S.mjSENS_SUBTREELINVEL: "m/s",
+    _S.mjSENS_GYRO: "rad/s",
+    _S.mjSENS_FRAMEANGVEL: "rad/s",
+    _S.mjSENS_BALLANGVEL: "rad/s",
+    _S.mjSENS_FRAMEANGACC: "rad/s2",
+    _S.mjSENS_FRAMEPOS: "m",
+    _S.mjSENS_SUBTREECOM: "m",
+    _S.mjSENS_RANGEFINDER: "m",
+    _S.mjSENS_TENDONPOS: "m",
+    _S.mjSENS_TENDONVEL: "m/s",
+    _S.mjSENS_FORCE: "N",
+    _S.mjSENS_TOUCH: "N",
+    _S.mjSENS_TORQUE: "N m",
+}
 JOINT_SENSORS = {_S.mjSENS_JOINTPOS: "", _S.mjSENS_JOINTVEL: "/s"}
 
 

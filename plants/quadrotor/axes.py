@@ -64,9 +64,16 @@ class _Rows:
     """Named states, inputs and noises as rows of coefficients, and the physics that moves them."""
 
     def __init__(
-        self, axis: Axis, values: Mapping[str, float], noise: Mapping[str, float], *,
-        states: list[str], inputs: int, noises: Mapping[str, int], drifts: bool,
-    ) -> None:  # fmt: skip
+        self,
+        axis: Axis,
+        values: Mapping[str, float],
+        noise: Mapping[str, float],
+        *,
+        states: list[str],
+        inputs: int,
+        noises: Mapping[str, int],
+        drifts: bool,
+    ) -> None:
         """noises : source -> how many independent values of it act in the period; drifts : the speed is a state."""
         self.axis, self.values, self.drifts = axis, values, drifts
         self.windy = drifts and noise["gust"] > 0

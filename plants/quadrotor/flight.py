@@ -30,14 +30,34 @@ ENTRIES = {"attitude_setpoint": 3, "rate_setpoint": 3, "motor_command": 4}  # pl
 LOGGED = tuple(
     Channel.parse(text)
     for text in (
-        "thrust_ref [count]", "p_ref [deg/s]", "q_ref [deg/s]",
-        "control_roll [count]", "control_pitch [count]", "control_yaw [count]",
-        "m1 [count]", "m2 [count]", "m3 [count]", "m4 [count]",
-        "p [rad/s]", "q [rad/s]", "r [rad/s]", "roll [deg]", "pitch [deg]", "altitude [m]",
-        "x [m]", "y [m]", "qw [1]", "qx [1]", "qy [1]", "qz [1]",
-        "acc_x [m/s2]", "acc_y [m/s2]", "acc_z [m/s2]", "voltage [V]",
+        "thrust_ref [count]",
+        "p_ref [deg/s]",
+        "q_ref [deg/s]",
+        "control_roll [count]",
+        "control_pitch [count]",
+        "control_yaw [count]",
+        "m1 [count]",
+        "m2 [count]",
+        "m3 [count]",
+        "m4 [count]",
+        "p [rad/s]",
+        "q [rad/s]",
+        "r [rad/s]",
+        "roll [deg]",
+        "pitch [deg]",
+        "altitude [m]",
+        "x [m]",
+        "y [m]",
+        "qw [1]",
+        "qx [1]",
+        "qy [1]",
+        "qz [1]",
+        "acc_x [m/s2]",
+        "acc_y [m/s2]",
+        "acc_z [m/s2]",
+        "voltage [V]",
     )
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +115,11 @@ def fly_one(
 
 
 def fly_many(
-    model: mujoco.MjModel, values: Mapping[str, float], played: Excitation, levels: Mapping[str, float], seeds: Sequence[int]
+    model: mujoco.MjModel,
+    values: Mapping[str, float],
+    played: Excitation,
+    levels: Mapping[str, float],
+    seeds: Sequence[int],
 ) -> np.ndarray:
     """Return the logs (flights, N, channels) of flights that differ in their noise."""
     each = [_noise(values, levels, seed, len(played.u)) for seed in seeds]
@@ -125,9 +149,13 @@ def _noise(values: Mapping[str, float], levels: Mapping[str, float], seed: int, 
 
 
 def _fly(
-    body: Body, values: Mapping[str, float], played: Excitation, noise: Mapping[str, Sequence], seeds: Sequence[int],
+    body: Body,
+    values: Mapping[str, float],
+    played: Excitation,
+    noise: Mapping[str, Sequence],
+    seeds: Sequence[int],
     record: Callable[[tuple], Any],
-) -> None:  # fmt: skip
+) -> None:
     """Fly from hover, or from the ground; `record` takes one row of LOGGED a step.
 
     Everything is read, computed and written at t_k; then MuJoCo moves on by 2 ms.
@@ -148,7 +176,9 @@ def _fly(
     disturbances = (
         noise.get(name, repeat((0.0,) * width)) for name, width in NOISE_CHANNELS.items() if not name.endswith("_bias")
     )
-    everything = zip(range(len(played.u)), *played.rows(), _altitudes(values, played.takeoff), *disturbances, strict=False)
+    everything = zip(
+        range(len(played.u)), *played.rows(), _altitudes(values, played.takeoff), *disturbances, strict=False
+    )
     for k, set_point, rate_added, motors_added, aim, w, gyro_noise, angle_noise, shake, air in everything:
         x, y, z, qw, qx, qy, qz = read(body.position)
         vx, vy, climb, p, q, r = read(body.velocity)
@@ -180,10 +210,31 @@ def _fly(
             strength, voltage = battery.update(f1 + f2 + f3 + f4), battery.voltage
             f1, f2, f3, f4 = strength * f1, strength * f2, strength * f3, strength * f4
         command[0], command[1], command[2], command[3] = f1 + w[0], f2 + w[1], f3 + w[2], f4 + w[3]
-        record((
-            base, p_ref, q_ref, *commands, *motors, p, q, r, roll, pitch, z,
-            x, y, qw, qx, qy, qz, acc_x, acc_y, acc_z, voltage,
-        ))  # fmt: skip
+        record(
+            (
+                base,
+                p_ref,
+                q_ref,
+                *commands,
+                *motors,
+                p,
+                q,
+                r,
+                roll,
+                pitch,
+                z,
+                x,
+                y,
+                qw,
+                qx,
+                qy,
+                qz,
+                acc_x,
+                acc_y,
+                acc_z,
+                voltage,
+            )
+        )
         step()
 
 

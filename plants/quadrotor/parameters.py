@@ -82,7 +82,10 @@ _TODAY = {
 _OUTDOORS = {
     "estimator_kp": Parameter(0.4, "1/s", "Crazyflie firmware, sensfusion6", "non-negative"),
     "drag": Parameter(
-        0.0056, "N s/m", "gym-pybullet-drones cf2x: 9.1785e-7 N s/m per rad/s, four rotors at 1516 rad/s", "non-negative"
+        0.0056,
+        "N s/m",
+        "gym-pybullet-drones cf2x: 9.1785e-7 N s/m per rad/s, four rotors at 1516 rad/s",
+        "non-negative",
     ),
     "drag_height": Parameter(0.005, "m", "assumption: rotors' plane above the centre of mass", "any"),
     "battery_slope": Parameter(2.8, "V/(A h)", "assumption: 0.7 V over 250 mAh", "non-negative"),
@@ -99,8 +102,14 @@ PRESETS: dict[str, dict[str, Parameter]] = {
 
 # The order is that of the random streams: new sources come last. Source -> channels it disturbs.
 NOISE_CHANNELS = {
-    "thrust": 4, "gyro": 3, "attitude": 2, "accelerometer": 3, "gyro_bias": 3, "accelerometer_bias": 3, "gust": 2,
-}  # fmt: skip
+    "thrust": 4,
+    "gyro": 3,
+    "attitude": 2,
+    "accelerometer": 3,
+    "gyro_bias": 3,
+    "accelerometer_bias": 3,
+    "gust": 2,
+}
 
 _NOISE_INDOORS = {
     "thrust": Parameter(
@@ -123,8 +132,10 @@ _NOISE_OUTDOORS = _NOISE_INDOORS | {
     "gust": Parameter(0.5, "m/s", "assumption: light air; horizontal wind, acts through the drag"),
 }
 NOISE_SOURCES: dict[str, dict[str, Parameter]] = {
-    "2013": _NOISE_INDOORS, "today": _NOISE_INDOORS, "outdoors": _NOISE_OUTDOORS,
-}  # fmt: skip
+    "2013": _NOISE_INDOORS,
+    "today": _NOISE_INDOORS,
+    "outdoors": _NOISE_OUTDOORS,
+}
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,12 @@ def _frames(recording: Recording, times_s: np.ndarray, width: int, height: int) 
             try:
                 done = subprocess.run(
                     [sys.executable, "-m", "plants.quadrotor.renderer", flight, frames],
-                    env={**os.environ, "MUJOCO_GL": backend}, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
-                )  # fmt: skip
+                    env={**os.environ, "MUJOCO_GL": backend},
+                    capture_output=True,
+                    text=True,
+                    timeout=PATIENCE_S,
+                    check=False,
+                )
             except subprocess.TimeoutExpired:
                 reasons.append(f"{backend}: nothing in {PATIENCE_S:g} s")
                 continue

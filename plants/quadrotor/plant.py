@@ -95,7 +95,10 @@ class Quadrotor:
         "motor_command": Injection(
             MOTORS_ADDED,
             ((-20000.0, 20000.0),) * 4,
-            {"rates": _rates(MOTORS_ADDED), "motor_response": Roles(_names(MOTORS_ADDED), ("p", "q", "r"), every=FRAME)},
+            {
+                "rates": _rates(MOTORS_ADDED),
+                "motor_response": Roles(_names(MOTORS_ADDED), ("p", "q", "r"), every=FRAME),
+            },
             f"added to the four motor commands while all loops hold level; {_READ}; limits are an assumption (about what hover "
             "leaves)",
         ),
@@ -129,7 +132,9 @@ class Quadrotor:
         known = (*SET_POINTS, *RATES_ADDED, *MOTORS_ADDED, *LOGGED, *DERIVED, YAW_RATE)
         roles, units = settings[setting], {c.name: c for c in known}
         channels = ([units[name] for name in names] for names in (roles.inputs, roles.outputs))
-        return linear.truth(setting, values, source.get("noise", noise_levels(self.name, self.noise_sources, True)), *channels)
+        return linear.truth(
+            setting, values, source.get("noise", noise_levels(self.name, self.noise_sources, True)), *channels
+        )
 
     def floor(self, recording: Recording, setting: str) -> dict[str, float]:
         """Return the linearisation floor of an experiment: fit [%] of the truth's simulation to its noise-free twin.
@@ -184,7 +189,9 @@ class Quadrotor:
         """Check what is asked for, and return what is played, noise levels and seeds."""
         inject = injection_of(self.name, self.injections, inject)
         seeds = [seed_of(self.name, seed) for seed in seeds]
-        hold = FRAME * held(self.name, signal, ATTITUDE_DT, "the interval at which the attitude loop reads its set-points")
+        hold = FRAME * held(
+            self.name, signal, ATTITUDE_DT, "the interval at which the attitude loop reads its set-points"
+        )
         check_limits(self.name, signal, self.injections[inject])
         levels = noise_levels(self.name, self.noise_sources, noise)
         if levels["gust"] and not self.values["drag"]:

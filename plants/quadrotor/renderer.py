@@ -24,7 +24,9 @@ def render(values: dict[str, float], poses: np.ndarray, width: int, height: int)
             mujoco.mj_comPos(model, data)
             camera.lookat[:] = pose[:3]
             renderer.update_scene(data, camera)
-            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # takes most of the time without a graphics card
+            renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = (
+                False  # takes most of the time without a graphics card
+            )
             renderer.render(out=frame)
     return frames
 

@@ -79,7 +79,9 @@ def truth(
     if K is not None:
         parameters["predictor_spectral_radius"] = (float(abs(la.eigvals(A - K @ C)).max()), "1")
     kind = "periodically time-varying" if setting == "telemetry" else "linearised"
-    poles = np.concatenate([_own_poles(block) for block in blocks]) ** (dt / (RATE_DT if setting == "rates" else ATTITUDE_DT))
+    poles = np.concatenate([_own_poles(block) for block in blocks]) ** (
+        dt / (RATE_DT if setting == "rates" else ATTITUDE_DT)
+    )
     return Truth(model, kind, parameters, VALID[setting], poles, _accuracy(setting, values))
 
 

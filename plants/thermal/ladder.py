@@ -27,13 +27,19 @@ LARGEST_POWER = 20.0  # W, an assumption
 NAME = "thermal_ladder"
 
 _COMMON = {
-    "samples_per_decade": Parameter(0.0, "1/decade", "of multiples of dt, on a logarithmic scale; 0: all", "non-negative"),
-    "transient_time": Parameter(100e-6, "s", "assumption: decay of the electrical transient; JESD51-14 finds 1 to 1000 us"),
-}  # fmt: skip
+    "samples_per_decade": Parameter(
+        0.0, "1/decade", "of multiples of dt, on a logarithmic scale; 0: all", "non-negative"
+    ),
+    "transient_time": Parameter(
+        100e-6, "s", "assumption: decay of the electrical transient; JESD51-14 finds 1 to 1000 us"
+    ),
+}
 PRESETS: dict[str, dict[str, Parameter]] = {
     "five": {
         "resistance": Parameter([0.5, 1.2, 1.8, 2.0, 1.5], "K/W", FIVE),
-        "capacitance": Parameter(NONE, "J/K", "of a Cauer ladder, from source to ambient; the alternative to time_constant"),
+        "capacitance": Parameter(
+            NONE, "J/K", "of a Cauer ladder, from source to ambient; the alternative to time_constant"
+        ),
         "time_constant": Parameter([20e-6, 5e-4, 0.01, 0.25, 6.0], "s", FIVE),
         "nodes": Parameter([1], "1", "the source's own temperature"),
         "dt": Parameter(20e-6, "s", "seed 001, chapter 8"),
@@ -43,7 +49,9 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         "resistance": Parameter([5.3, 0.3, 0.6, 3.7], "K/W", LED),
         "capacitance": Parameter([0.0193, 0.253, 0.0204, 46.1], "J/K", LED),
         "time_constant": Parameter(NONE, "s", "of a Foster network; the alternative to capacitance"),
-        "nodes": Parameter([1, 2, 4], "1", "assumption: LED by its forward voltage, board and heat sink by thermocouples"),
+        "nodes": Parameter(
+            [1, 2, 4], "1", "assumption: LED by its forward voltage, board and heat sink by thermocouples"
+        ),
         "dt": Parameter(0.01, "s", "assumption"),
         **_COMMON,
     },
@@ -51,10 +59,12 @@ PRESETS: dict[str, dict[str, Parameter]] = {
 NOISE_SOURCES = {
     "measurement": Parameter(0.01, "K", "assumption: white, on each temperature; 0.03 and 0.1 K are usual too"),
     "transient": Parameter(
-        0.0, "K/W", "no deviation but the size of the electrical transient at node 1 at each change of power, which decays with "
+        0.0,
+        "K/W",
+        "no deviation but the size of the electrical transient at node 1 at each change of power, which decays with "
         "transient_time; off unless given",
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,7 +82,12 @@ class ThermalLadder(LinearPlant):
     by_voltage: np.ndarray
 
     def run_many(
-        self, signal: Signal, *, seeds: Sequence[int], inject: str | None = None, noise: bool | Mapping[str, float] = True
+        self,
+        signal: Signal,
+        *,
+        seeds: Sequence[int],
+        inject: str | None = None,
+        noise: bool | Mapping[str, float] = True,
     ) -> list[Recording]:
         """Play `signal` once a seed."""
         options = {"seeds": seeds, "inject": inject, "noise": noise}
@@ -128,12 +143,20 @@ def thermal_ladder(preset: str = "five", parameters: Mapping[str, Any] | None = 
             found[name] = replace(found[name], value=_numbers(found[name].value, f"{NAME} parameter '{name}'"))
     R, C, tau, nodes = (found[name].value for name in ("resistance", "capacitance", "time_constant", "nodes"))
     if is_there(C) == is_there(tau):
-        raise ExciteError(f"{NAME} parameters 'capacitance', 'time_constant': give one of the two, \"{NONE}\" for the other")
+        raise ExciteError(
+            f"{NAME} parameters 'capacitance', 'time_constant': give one of the two, \"{NONE}\" for the other"
+        )
     with placed(f"{NAME} parameters"):
         seen, tau = cauer_to_foster(*((R, C) if is_there(C) else foster_to_cauer(R, tau)))
     known = range(1, len(tau) + 1)
-    if not isinstance(nodes, list) or not nodes or not all(type(k) is int and k in known and nodes.count(k) == 1 for k in nodes):
-        raise ExciteError(f"{NAME} parameter 'nodes': {nodes!r}; give a list of different nodes from 1 (source) to {len(tau)}")
+    if (
+        not isinstance(nodes, list)
+        or not nodes
+        or not all(type(k) is int and k in known and nodes.count(k) == 1 for k in nodes)
+    ):
+        raise ExciteError(
+            f"{NAME} parameter 'nodes': {nodes!r}; give a list of different nodes from 1 (source) to {len(tau)}"
+        )
     seen = seen[:, np.array(nodes) - 1]
     dt, m = found["dt"].value, len(nodes)
     decay = np.exp(-dt / tau)
@@ -142,15 +165,25 @@ def thermal_ladder(preset: str = "five", parameters: Mapping[str, Any] | None = 
         description="thermal RC ladder (Cauer or Foster) of heated electronics: power to temperature rises at its nodes",
         dt=dt,
         dynamics=Dynamics(
-            np.diag(decay), -np.expm1(-dt / tau)[:, None], seen.T, np.zeros((m, 1)), np.zeros((len(tau), m)), np.eye(m),
+            np.diag(decay),
+            -np.expm1(-dt / tau)[:, None],
+            seen.T,
+            np.zeros((m, 1)),
+            np.zeros((len(tau), m)),
+            np.eye(m),
             {"measurement": m, "transient": 0},
         ),
         inputs=(Channel("power", "W"),),
         outputs=tuple(Channel("source" if k == 1 else f"node_{k}", "K") for k in nodes),
-        limits=((0.0, LARGEST_POWER),), parameters=found, noise_sources=NOISE_SOURCES, preset=preset,
-        resistance=seen, tau=tau, by_voltage=(np.array(nodes) == 1).astype(float),
+        limits=((0.0, LARGEST_POWER),),
+        parameters=found,
+        noise_sources=NOISE_SOURCES,
+        preset=preset,
+        resistance=seen,
+        tau=tau,
+        by_voltage=(np.array(nodes) == 1).astype(float),
         note="power into node 1, from thermal equilibrium; the limit is an assumption",
-    )  # fmt: skip
+    )
 
 
 def _numbers(values: Any, place: str) -> list[float]:

@@ -17,12 +17,16 @@ from scenarios.cli.common import assignments, json_option, print_json, print_lin
 @click.argument("name", required=False)
 @click.option("--preset", metavar="NAME", help="A preset of the plant's parameters.")
 @click.option("--set", "parameters", metavar="KEY=VALUE", multiple=True, help="Override a parameter of the plant.")
-@click.option("--plot", type=click.Path(), metavar="FILE", help="Draw step, Bode and poles of its truth (.png, .svg, .pdf).")
+@click.option(
+    "--plot", type=click.Path(), metavar="FILE", help="Draw step, Bode and poles of its truth (.png, .svg, .pdf)."
+)
 @json_option
 def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], plot: str | None, as_json: bool) -> int:
     """List the simulated plants, or describe one: inputs, limits, outputs, parameters, noise, truth."""
     if name is None and (preset or parameters or plot):
-        raise ExciteError("plants: --preset, --set and --plot are of one plant; give its name, as in excite plants quadrotor")
+        raise ExciteError(
+            "plants: --preset, --set and --plot are of one plant; give its name, as in excite plants quadrotor"
+        )
     overrides = assignments(parameters, "--set")
     loaded = {key: load_plant(key, preset=preset, parameters=overrides) for key in ([name] if name else sorted(PLANTS))}
     if plot:
@@ -56,8 +60,11 @@ def _plant_lines(name: str, d: dict) -> list[str]:
             f"setting {key}: {listed(setting['inputs'])} -> {listed(setting['outputs'])}, every "
             f"{setting['dt'] * 1e3:g} ms, {'closed loop' if setting['closed'] else 'inputs free of feedback'}"
         )
-        poles = ", ".join(f"{p['f_hz'] * 2 * math.pi:.3g} rad/s" + ("" if p["zeta"] is None else f" ({p['zeta']:.2g})")
-                          for p in setting["poles"] if p["im"] >= 0)  # fmt: skip
+        poles = ", ".join(
+            f"{p['f_hz'] * 2 * math.pi:.3g} rad/s" + ("" if p["zeta"] is None else f" ({p['zeta']:.2g})")
+            for p in setting["poles"]
+            if p["im"] >= 0
+        )
         lines.append(f"  truth ({setting['truth']}), natural frequency (damping): {poles or 'no poles'}")
         lines.append(f"  valid: {setting['valid_amplitude']}")
     for title in ("parameters", "noise"):
@@ -79,24 +86,32 @@ def _plant(plant: Plant, whole: bool) -> dict:
     for key, roles in settings_of(plant).items():
         truth = plant.truth(None, key)
         settings[key] = {
-            "inputs": [str(c) for c in truth.model.inputs], "outputs": [str(c) for c in truth.model.outputs],
-            "reference": roles.reference, "dt": truth.model.dt, "closed": roles.closed, "truth": truth.kind,
+            "inputs": [str(c) for c in truth.model.inputs],
+            "outputs": [str(c) for c in truth.model.outputs],
+            "reference": roles.reference,
+            "dt": truth.model.dt,
+            "closed": roles.closed,
+            "truth": truth.kind,
             "valid_amplitude": truth.valid_amplitude,
             "poles": [pole_to_dict(p, truth.model.dt) for p in truth.poles],
-        }  # fmt: skip
+        }
     return {
-        "description": plant.description, "dt": plant.dt,
+        "description": plant.description,
+        "dt": plant.dt,
         "injections": {
             key: {
-                "note": place.note, "settings": list(place.settings),
-                "channels": [{"channel": str(c), "limits": l} for c, l in zip(place.channels, place.limits, strict=True)],
+                "note": place.note,
+                "settings": list(place.settings),
+                "channels": [
+                    {"channel": str(c), "limits": l} for c, l in zip(place.channels, place.limits, strict=True)
+                ],
             }
             for key, place in plant.injections.items()
         },
         "settings": settings,
         "parameters": {k: vars(p) for k, p in plant.parameters.items()},
         "noise": {k: vars(p) for k, p in plant.noise_sources.items()},
-    }  # fmt: skip
+    }
 
 
 @click.command()
@@ -114,7 +129,9 @@ def methods(name: str | None, as_json: bool) -> int:
         loop = "open and closed loop" if d["closed_loop"] else "open loop only (biased in closed loop)"
         lines = [d["description"], "", f"consistent in: {loop}", "settings:"]
         kind = method_class(name)
-        print_lines(lines + [f"  {key:<16} default {v!s:<6} {_meaning(kind, key)}".rstrip() for key, v in d["settings"].items()])
+        print_lines(
+            lines + [f"  {key:<16} default {v!s:<6} {_meaning(kind, key)}".rstrip() for key, v in d["settings"].items()]
+        )
     return 0
 
 
@@ -122,9 +139,11 @@ def _method(name: str) -> dict:
     kind = method_class(name)
     settings = {f.name: None if f.default is MISSING else f.default for f in fields(kind)}
     return {
-        "summary": kind.summary, "closed_loop": kind.closed_loop, "settings": settings,
+        "summary": kind.summary,
+        "closed_loop": kind.closed_loop,
+        "settings": settings,
         "description": "\n".join(line.removeprefix("    ") for line in (kind.__doc__ or "").strip().splitlines()),
-    }  # fmt: skip
+    }
 
 
 def _meaning(kind: type[Method], setting: str) -> str:

@@ -19,13 +19,17 @@ MOST_ORDERS = 1000
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one strict JSON object instead of text.")
 
 DATA_OPTIONS = (
-    click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0, as 0,1 or flap,aileron; or none."),
+    click.option(
+        "--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0, as 0,1 or flap,aileron; or none."
+    ),
     click.option("--outputs", metavar="COLUMNS", help="Output columns."),
     click.option("--reference", metavar="COLUMNS", help="Reference columns."),
     click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column."),
     click.option("--time", metavar="COLUMN", help="Time column, in seconds."),
     click.option("--setting", metavar="NAME", help="Which setting of one of our own recordings."),
-    click.option("--decimate", type=click.IntRange(1), default=1, show_default=True, help="Keep each N-th sample (no filter)."),
+    click.option(
+        "--decimate", type=click.IntRange(1), default=1, show_default=True, help="Keep each N-th sample (no filter)."
+    ),
 )
 
 
@@ -55,9 +59,15 @@ def one_column(text: str | None) -> str | int | None:
 
 
 def read_experiment(
-    path: str, inputs: str | None, outputs: str | None, reference: str | None, dt: float | None, time: str | None,
-    setting: str | None, decimate: int,
-) -> Experiment:  # fmt: skip
+    path: str,
+    inputs: str | None,
+    outputs: str | None,
+    reference: str | None,
+    dt: float | None,
+    time: str | None,
+    setting: str | None,
+    decimate: int,
+) -> Experiment:
     """Load one experiment with the values of `data_options`."""
     experiment = load_experiment(
         path, columns(inputs), columns(outputs), columns(reference), dt=dt, time=one_column(time), setting=setting

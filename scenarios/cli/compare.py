@@ -22,21 +22,33 @@ from scenarios.cli.common import (
 @click.option("--methods", required=True, metavar="A,B,…", help="Methods to compare.")
 @click.option("--orders", default="2:6", show_default=True, metavar="2:10", help="Orders: 4, or 2,4,8, or 2:10.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Setting of every method that has it.")
-@click.option("--validation", type=click.Path(), help="Validation record; else the last third of the last FILE is kept.")
+@click.option(
+    "--validation", type=click.Path(), help="Validation record; else the last third of the last FILE is kept."
+)
 @data_options
 @click.option("-o", "folder", required=True, type=click.Path(), help="Folder for the models and comparison.json.")
 @json_option
 def compare(
-    file: tuple[str, ...], methods: str, orders: str, settings: tuple[str, ...], validation: str | None, folder: str,
-    as_json: bool, **reading: object,
-) -> int:  # fmt: skip
+    file: tuple[str, ...],
+    methods: str,
+    orders: str,
+    settings: tuple[str, ...],
+    validation: str | None,
+    folder: str,
+    as_json: bool,
+    **reading: object,
+) -> int:
     """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
     from identify.method import load_method, method_class
     from identify.model_json import estimate_to_dict
     from identify.score import score
     from scenarios.store import write_json
 
-    names, wanted, options = [m.strip() for m in methods.split(",")], parse_orders(orders), assignments(settings, "--set")
+    names, wanted, options = (
+        [m.strip() for m in methods.split(",")],
+        parse_orders(orders),
+        assignments(settings, "--set"),
+    )
     kinds = {name: method_class(name) for name in names}
     for key in options:
         if not any(key in kind.__dataclass_fields__ for kind in kinds.values()):

@@ -37,7 +37,9 @@ class Generators(click.Group):
             default = "" if required or parameter.default is None else f"  [default: {parameter.default}]"
             flag, note = f"--{parameter.name.replace('_', '-')}", documented.get(parameter.name, "") + default
             command.params.append(click.Option([flag, parameter.name], metavar="VALUE", required=required, help=note))
-        rows = click.option("--block-rows", type=click.IntRange(1), default=20, show_default=True, help="Order to certify.")
+        rows = click.option(
+            "--block-rows", type=click.IntRange(1), default=20, show_default=True, help="Order to certify."
+        )
         out = click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
         return out(rows(limits_option(plot_option(json_option(command)))))
 
@@ -88,9 +90,18 @@ def _write(out: str, played: Played, as_json: bool, more: dict, lines: list[str]
 @click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
 @json_option
 def propose(
-    kind: str, bandwidth_hz: float | None, settling_s: float | None, limit: float, noise: float, gain: float,
-    model: str | None, dt: float | None, channels: int, out: str, as_json: bool,
-) -> int:  # fmt: skip
+    kind: str,
+    bandwidth_hz: float | None,
+    settling_s: float | None,
+    limit: float,
+    noise: float,
+    gain: float,
+    model: str | None,
+    dt: float | None,
+    channels: int,
+    out: str,
+    as_json: bool,
+) -> int:
     """Propose a signal from what is known of the plant, say why, and write it."""
     new_file(out)
     if model is not None:
@@ -102,8 +113,11 @@ def propose(
     else:
         known = Knowledge(bandwidth_hz, settling_s, limit, noise, gain)
     proposal = propose_design(kind, known, dt, channels)
-    reasons = [f"{name} = {_short(value)}: {proposal.reasons[name]}" for name, value in proposal.parameters.items()
-               if name in proposal.reasons]  # fmt: skip
+    reasons = [
+        f"{name} = {_short(value)}: {proposal.reasons[name]}"
+        for name, value in proposal.parameters.items()
+        if name in proposal.reasons
+    ]
     lines = [*reasons, *(f"warning: {warning}" for warning in proposal.warnings)]
     more = {"kind": kind, "parameters": proposal.parameters, "reasons": proposal.reasons, "warnings": proposal.warnings}
     _write(out, prepare(GENERATORS[kind](**proposal.parameters), None), as_json, {"proposal": more}, lines)

@@ -35,7 +35,9 @@ def doctor() -> int:
         except metadata.PackageNotFoundError:
             continue
         wrong += 1
-        lines.append(f"distribution '{name}' {version} is installed and overwrites our package '{name}': use a fresh environment")
+        lines.append(
+            f"distribution '{name}' {version} is installed and overwrites our package '{name}': use a fresh environment"
+        )
     try:
         from plants.plant import list_plants, load_plant
 

@@ -29,9 +29,14 @@ from scenarios.cli.common import (
 @click.option("-o", "out", type=click.Path(), help="Model file to write (JSON).")
 @json_option
 def identify(
-    file: tuple[str, ...], method: str, order: int | None, settings: tuple[str, ...], out: str | None, as_json: bool,
+    file: tuple[str, ...],
+    method: str,
+    order: int | None,
+    settings: tuple[str, ...],
+    out: str | None,
+    as_json: bool,
     **reading: object,
-) -> int:  # fmt: skip
+) -> int:
     """Identify a model from one or several data FILEs (several: one estimate from all of them)."""
     from identify.method import load_method
     from identify.model_json import estimate_to_dict
@@ -46,8 +51,11 @@ def identify(
     with placed(", ".join(file)):
         estimate = chosen.fit(data, order)
     scores = [score_estimate(estimate, experiment).per_output for experiment in data]
-    fit = {name: np.mean([s[f"fit_{name}"] for s in scores], axis=0) for name in ("simulation", "one_step")
-           if f"fit_{name}" in scores[0]}  # fmt: skip
+    fit = {
+        name: np.mean([s[f"fit_{name}"] for s in scores], axis=0)
+        for name in ("simulation", "one_step")
+        if f"fit_{name}" in scores[0]
+    }
     result = estimate_to_dict(estimate, {"simulation": None, "one_step": None, **fit})
     if out is not None:
         write_json(Path(out), result)
@@ -64,9 +72,12 @@ def identify(
 @click.argument("model", type=click.Path())
 @click.argument("file", type=click.Path())
 @click.option(
-    "--truth", type=click.Choice(["auto", "none"]), default="none", show_default=True,
+    "--truth",
+    type=click.Choice(["auto", "none"]),
+    default="none",
+    show_default=True,
     help="auto: score against the truth of the simulated plant that FILE, one of our recordings, comes from.",
-)  # fmt: skip
+)
 @data_options
 @json_option
 def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -> int:
@@ -81,9 +92,15 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
     with placed(f"{model} on {file}"):
         result = score_estimate(estimate, experiment, known)
     if as_json:
-        print_json({
-            "schema_version": 1, "model": model, "file": file, "values": result.values, "per_output": result.per_output
-        })  # fmt: skip
+        print_json(
+            {
+                "schema_version": 1,
+                "model": model,
+                "file": file,
+                "values": result.values,
+                "per_output": result.per_output,
+            }
+        )
         return 0
     for name, value in result.values.items():
         if not name.endswith("_unclipped"):
@@ -102,7 +119,9 @@ def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
     if given:
         raise ExciteError(f"--truth auto: the truth is that of a recorded setting; drop {', '.join(given)}, or --truth")
     if "plant" not in recording.source or setting is None:
-        raise ExciteError(f"{file}: does not say which plant and setting it comes from, so there is no truth; drop --truth")
+        raise ExciteError(
+            f"{file}: does not say which plant and setting it comes from, so there is no truth; drop --truth"
+        )
     source = recording.source
     plant = load_plant(source["plant"], preset=source.get("preset"), parameters=source.get("parameters"))
     truth = plant.truth(recording, setting)

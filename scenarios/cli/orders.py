@@ -20,15 +20,24 @@ from scenarios.cli.common import (
 @click.command()
 @click.argument("file", nargs=-1, required=True, type=click.Path())
 @click.option("--method", required=True, metavar="NAME", help="Identification method; `excite methods` lists them.")
-@click.option("--orders", "wanted", default="1:10", show_default=True, metavar="1:10", help="Orders: 4, or 2,4,8, or 2:10.")
+@click.option(
+    "--orders", "wanted", default="1:10", show_default=True, metavar="1:10", help="Orders: 4, or 2,4,8, or 2:10."
+)
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Method setting, e.g. block_rows=20.")
 @data_options
-@click.option("--plot", type=click.Path(), metavar="FILE", help="Draw singular values, criteria and stabilisation diagram.")
+@click.option(
+    "--plot", type=click.Path(), metavar="FILE", help="Draw singular values, criteria and stabilisation diagram."
+)
 @json_option
 def orders(
-    file: tuple[str, ...], method: str, wanted: str, settings: tuple[str, ...], plot: str | None, as_json: bool,
+    file: tuple[str, ...],
+    method: str,
+    wanted: str,
+    settings: tuple[str, ...],
+    plot: str | None,
+    as_json: bool,
     **reading: object,
-) -> int:  # fmt: skip
+) -> int:
     """Say what speaks for each order: singular-value gap, information criteria, poles that stay from order to order."""
     from identify.method import load_method
     from identify.orders import order_table
@@ -55,23 +64,36 @@ def orders(
 
 def _to_dict(method: str, table: OrderTable) -> dict:
     return {
-        "schema_version": 1, "method": method, "chosen": table.chosen,
+        "schema_version": 1,
+        "method": method,
+        "chosen": table.chosen,
         "orders": [
             {
-                "order": row.order, "gap": row.gap, "aic": row.criteria.aic, "bic": row.criteria.bic,
-                "parameters": row.criteria.parameters, "largest_pole_modulus": row.radius, "reason": row.reason,
+                "order": row.order,
+                "gap": row.gap,
+                "aic": row.criteria.aic,
+                "bic": row.criteria.bic,
+                "parameters": row.criteria.parameters,
+                "largest_pole_modulus": row.radius,
+                "reason": row.reason,
             }
             for row in table.rows
         ],
-        "singular_values": next((r.estimate.singular_values for r in reversed(table.rows) if r.estimate is not None), None),
+        "singular_values": next(
+            (r.estimate.singular_values for r in reversed(table.rows) if r.estimate is not None), None
+        ),
         "poles": [
             {
-                "order": pole.order, "f_hz": pole.mode.f_hz, "damping": pole.mode.damping, "stable_frequency": pole.frequency,
-                "stable_damping": pole.damping, "stable_shape": pole.shape,
+                "order": pole.order,
+                "f_hz": pole.mode.f_hz,
+                "damping": pole.mode.damping,
+                "stable_frequency": pole.frequency,
+                "stable_damping": pole.damping,
+                "stable_shape": pole.shape,
             }
             for pole in table.poles
         ],
-    }  # fmt: skip
+    }
 
 
 def _lines(table: OrderTable) -> list[str]:
@@ -83,10 +105,17 @@ def _lines(table: OrderTable) -> list[str]:
     for row in table.rows:
         mine = [p for p in table.poles if p.order == row.order]
         stable = [p for p in mine if p.frequency and p.damping and p.shape]
-        rows.append([
-            str(row.order), _number(row.gap), _number(row.criteria.aic - best_aic), _number(row.criteria.bic - best_bic),
-            _number(row.radius), f"{len(stable)} of {len(mine)}" if mine else "", row.reason or "",
-        ])  # fmt: skip
+        rows.append(
+            [
+                str(row.order),
+                _number(row.gap),
+                _number(row.criteria.aic - best_aic),
+                _number(row.criteria.bic - best_bic),
+                _number(row.radius),
+                f"{len(stable)} of {len(mine)}" if mine else "",
+                row.reason or "",
+            ]
+        )
     headers = ["order", "s(n)/s(n+1)", "AIC above best", "BIC above best", "max |pole|", "modes that stay", "failed"]
     if not any(row[-1] for row in rows):
         headers, rows = headers[:-1], [row[:-1] for row in rows]

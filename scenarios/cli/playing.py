@@ -19,7 +19,10 @@ limits_option = click.option(
     "--limits", type=click.Path(), metavar="FILE", help="TOML file of hardware limits (amplitude, rate, bits, …)."
 )
 plot_option = click.option(
-    "--plot", type=click.Path(), metavar="FILE", help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf)."
+    "--plot",
+    type=click.Path(),
+    metavar="FILE",
+    help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf).",
 )
 
 
@@ -73,7 +76,9 @@ class Played:
         if self.shaped is not None and self.shaped.bound:
             lines.append(f"shaped by {self.shaped.method} to keep: {', '.join(self.shaped.bound)}")
             changes = zip(self.signal.channels, self.shaped.loss.power_db, strict=True)
-            lines.append("change of power: " + ", ".join(f"{channel.name} {power:.2f} dB" for channel, power in changes))
+            lines.append(
+                "change of power: " + ", ".join(f"{channel.name} {power:.2f} dB" for channel, power in changes)
+            )
         return lines
 
 
@@ -83,7 +88,9 @@ def prepare(signal: Signal, limits: str | None, block_rows: int = 20) -> Played:
         return Played(signal, certify(signal, block_rows=block_rows), None)
     shaped = shape(signal, read_limits(limits), block_rows=block_rows)
     if not shaped.after.ok:
-        raise DesignRefused(f"{limits}: {'; '.join(map(str, shaped.after.exceeded))}; lower the amplitude or widen the limit")
+        raise DesignRefused(
+            f"{limits}: {'; '.join(map(str, shaped.after.exceeded))}; lower the amplitude or widen the limit"
+        )
     return Played(shaped.signal, shaped.certificate, shaped)
 
 

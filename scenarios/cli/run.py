@@ -12,7 +12,9 @@ from scenarios.cli.common import ProgressLine, json_option, print_json, print_li
 @click.argument("scenario")
 @click.option("-o", "folder", type=click.Path(), help="Folder of the run; runs/NAME when not given.")
 @click.option("--runs", type=click.IntRange(1), help="Estimation runs, instead of the scenario's own number.")
-@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count, help="Processes to use; all cores when not given.")
+@click.option(
+    "--jobs", type=click.IntRange(1), default=os.cpu_count, help="Processes to use; all cores when not given."
+)
 @json_option
 def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json: bool) -> int:
     """Run SCENARIO (a file or a shipped name): design, fly, identify, score, report.

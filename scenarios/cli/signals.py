@@ -40,9 +40,18 @@ WRITABLE = {name: given.extensions for name, given in files.FORMATS.items() if g
 @data_options
 @json_option
 def check(
-    file: str, order: int | None, noise_floor: float | None, methods: tuple[str, ...], model_order: int,
-    settings: tuple[str, ...], arx: str | None, limits: str | None, plot: str | None, as_json: bool, **reading: Any,
-) -> int:  # fmt: skip
+    file: str,
+    order: int | None,
+    noise_floor: float | None,
+    methods: tuple[str, ...],
+    model_order: int,
+    settings: tuple[str, ...],
+    arx: str | None,
+    limits: str | None,
+    plot: str | None,
+    as_json: bool,
+    **reading: Any,
+) -> int:
     """Certify the persistency of excitation of the inputs in FILE; exit code 3 when it is not enough for what is asked."""
     from scenarios.report.tables import certificate_text
 
@@ -95,7 +104,9 @@ def _lags(text: str) -> tuple[int, int]:
 @click.command()
 @click.argument("file", type=click.Path())
 @click.option("--to", "fmt", required=True, metavar="FORMAT", help=f"One of {', '.join(WRITABLE)}.")
-@click.option("-o", "out", required=True, type=click.Path(), help="File to write; one a channel where the format has one.")
+@click.option(
+    "-o", "out", required=True, type=click.Path(), help="File to write; one a channel where the format has one."
+)
 @click.option("--inputs", metavar="COLUMNS", help="Input columns: names or numbers from 0.")
 @click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column.")
 @click.option("--time", metavar="COLUMN", help="Time column, in seconds.")
@@ -103,9 +114,16 @@ def _lags(text: str) -> tuple[int, int]:
 @plot_option
 @json_option
 def export(
-    file: str, fmt: str, out: str, inputs: str | None, dt: float | None, time: str | None, limits: str | None,
-    plot: str | None, as_json: bool,
-) -> int:  # fmt: skip
+    file: str,
+    fmt: str,
+    out: str,
+    inputs: str | None,
+    dt: float | None,
+    time: str | None,
+    limits: str | None,
+    plot: str | None,
+    as_json: bool,
+) -> int:
     """Write the signal in FILE for the hardware, with the certificate of what will be played."""
     extension = new_file(out, file).suffix.lower()
     owners = [name for name, extensions in WRITABLE.items() if extension in extensions]
@@ -120,7 +138,9 @@ def export(
         print_json({"schema_version": 1, "files": [str(p) for p in paths], "format": fmt, **played.to_dict()})
         return 0
     for path in paths:
-        click.echo(f"{path}: {len(played.signal.u)} samples of {played.signal.dt:g} s, {len(played.signal.channels)} channels")
+        click.echo(
+            f"{path}: {len(played.signal.u)} samples of {played.signal.dt:g} s, {len(played.signal.channels)} channels"
+        )
     if played.shaped is not None:
         print_lines(played.lines())
     return 0
@@ -135,11 +155,20 @@ def export(
 @click.option("--preset", metavar="NAME", help="Preset of the plant.")
 @click.option("--set", "parameters", multiple=True, metavar="KEY=VALUE", help="Override a plant parameter.")
 @click.option("-o", "out", required=True, type=click.Path(), help="Recording to write (.npz keeps everything).")
-@click.option("--clip", type=click.Path(), metavar="FILE.gif", help="Film the flight (quadrotor; needs offscreen graphics).")
+@click.option(
+    "--clip", type=click.Path(), metavar="FILE.gif", help="Film the flight (quadrotor; needs offscreen graphics)."
+)
 def simulate(
-    plant: str, file: str, inject: str | None, seed: int, no_noise: bool, preset: str | None,
-    parameters: tuple[str, ...], out: str, clip: str | None,
-) -> int:  # fmt: skip
+    plant: str,
+    file: str,
+    inject: str | None,
+    seed: int,
+    no_noise: bool,
+    preset: str | None,
+    parameters: tuple[str, ...],
+    out: str,
+    clip: str | None,
+) -> int:
     """Play a signal file on a simulated PLANT and record it."""
     from plants.plant import load_plant
 

@@ -42,10 +42,16 @@ COLUMNS = (
     Column("vaf_simulation", "VAF simulation [%]", decimals=2, compact=True),
 )
 SHORT = {
-    "pole_error_max": "pole max %", "pole_error_frequency_percent": "freq %", "pole_error_damping": "damping",
-    "frf_error_h2": "FRF H2 %", "fit_simulation": "fit sim %", "fit_clean": "fit clean %", "fit_one_step": "1-step %",
-    "fit_below_floor": "below floor", "vaf_simulation": "VAF sim %",
-}  # fmt: skip
+    "pole_error_max": "pole max %",
+    "pole_error_frequency_percent": "freq %",
+    "pole_error_damping": "damping",
+    "frf_error_h2": "FRF H2 %",
+    "fit_simulation": "fit sim %",
+    "fit_clean": "fit clean %",
+    "fit_one_step": "1-step %",
+    "fit_below_floor": "below floor",
+    "vaf_simulation": "VAF sim %",
+}
 
 
 def columns_of(setting: SettingResult, compact: bool = False) -> tuple[list[Column], list[str]]:
@@ -58,7 +64,9 @@ def columns_of(setting: SettingResult, compact: bool = False) -> tuple[list[Colu
     columns, shorts = list(COLUMNS), dict(SHORT)
     for steps, clean, metric in found:
         ahead = f"{steps * setting.dt * 1e3:.4g} ms"
-        columns.append(Column(metric, f"fit {ahead} ahead{', noise-free' * bool(clean)} [%]", decimals=2, compact=bool(clean)))
+        columns.append(
+            Column(metric, f"fit {ahead} ahead{', noise-free' * bool(clean)} [%]", decimals=2, compact=bool(clean))
+        )
         shorts[metric] = f"{ahead} clean"
     if compact:
         columns = [c for c in columns if c.compact]
@@ -110,11 +118,7 @@ LEGEND = (
         "Variance accounted for by the simulation.",
         "Offsets, which a variance does not see; near 100 % it tells models apart less well than the fit.",
     ),
-    (
-        "[q25 q75]",
-        "Quartiles over the estimation runs.",
-        "Errors that all runs share, such as bias or a wrong order.",
-    ),
+    ("[q25 q75]", "Quartiles over the estimation runs.", "Errors that all runs share, such as bias or a wrong order."),
 )
 
 

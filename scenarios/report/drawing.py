@@ -20,18 +20,36 @@ Draw = TypeVar("Draw", bound=Callable[..., Figure | None])
 
 TRUTH, MEASURED, BAND = "#111111", "#b4b4b4", "#eef3f7"
 # Okabe and Ito (2008) without black and yellow, continued with darker tones of Tol's "muted" scheme.
-PALETTE = (
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288", "#117733",
-)  # fmt: skip
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288", "#117733")
 STYLE = {
-    "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 8.5, "text.usetex": False,
-    "figure.titlesize": 10, "axes.titlesize": 9, "axes.labelsize": 8.5, "legend.fontsize": 8.5,
-    "figure.facecolor": "white", "axes.facecolor": "white", "axes.spines.top": False, "axes.spines.right": False,
-    "axes.edgecolor": "#888888", "axes.labelcolor": "#222222", "xtick.color": "#555555", "ytick.color": "#555555",
-    "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.grid": True, "axes.axisbelow": True, "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False, "axes.titlelocation": "left",
-    "svg.fonttype": "path", "svg.hashsalt": "excite",
-}  # fmt: skip
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.5,
+    "text.usetex": False,
+    "figure.titlesize": 10,
+    "axes.titlesize": 9,
+    "axes.labelsize": 8.5,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#888888",
+    "axes.labelcolor": "#222222",
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.1,
+    "legend.frameon": False,
+    "axes.titlelocation": "left",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "excite",
+}
 WIDTH = 9.0  # inches, drawn at 100 px an inch
 MOST_POINTS = 2000  # a line
 MOST_POINTS_FIGURE = 12_000

@@ -91,7 +91,9 @@ def excitation(signal: Signal) -> Figure:
             log_scale(spectrum, "y", max(lines[full, i].min() / 1.5, top * 1e-4), top * 2)
         else:
             spectrum.set_yticks([])
-            spectrum.text(0.5, 0.5, "constant: no line above 0 Hz", transform=spectrum.transAxes, ha="center", color="#777777")
+            spectrum.text(
+                0.5, 0.5, "constant: no line above 0 Hz", transform=spectrum.transAxes, ha="center", color="#777777"
+            )
         log_scale(spectrum, "x", f[0], f[-1])
     if shown < len(signal.u):
         axes[0, 0].set_title(f"{axes[0, 0].get_title(loc='left')} (the first {number(shown * signal.dt)} s)")
@@ -228,5 +230,9 @@ def _simulate(model: Model, experiment: Experiment) -> np.ndarray:
 
 
 SETTING_FIGURES: dict[str, Callable[[SettingResult, Colours], Figure | None]] = {
-    "ranking": ranking, "poles": poles, "bode": bode, "outputs": outputs, "singular-values": singular_values,
-}  # fmt: skip
+    "ranking": ranking,
+    "poles": poles,
+    "bode": bode,
+    "outputs": outputs,
+    "singular-values": singular_values,
+}

@@ -192,7 +192,9 @@ def _relative_errors(axis: Axes, f: np.ndarray, errors: Sequence[np.ndarray], co
     bottom = max(np.percentile(shown, 1) / 2, 1e-8)
     log_scale(axis, "y", bottom, max(min(2 * shown.max(), 1e3), 10 * bottom))
     axis.set(xlabel="frequency [Hz]", ylabel="error [%]")
-    axis.set_title("relative error over all pairs, |Ĝ − G| / |G| (largest singular values); median and quartiles of the runs")
+    axis.set_title(
+        "relative error over all pairs, |Ĝ − G| / |G| (largest singular values); median and quartiles of the runs"
+    )
 
 
 def _frequencies(models: Sequence[Model], low: float, high: float, count: int) -> np.ndarray:

@@ -30,7 +30,14 @@ def order_figure(method: str, table: OrderTable) -> Figure:
     for k, name in enumerate(("aic", "bic")):
         values = np.array([getattr(row.criteria, name) for row in fitted])
         if np.isfinite(values).any():
-            twin.plot(orders, values - np.nanmin(values), "s--", ms=3, color=PALETTE[k + 1], label=f"{name.upper()} above best")
+            twin.plot(
+                orders,
+                values - np.nanmin(values),
+                "s--",
+                ms=3,
+                color=PALETTE[k + 1],
+                label=f"{name.upper()} above best",
+            )
     twin.set_yscale("symlog", linthresh=10)
     twin.grid(False)
     left.set(xlabel="order", title="singular values, criteria (right)")

@@ -110,7 +110,7 @@ def _summary(result: RunResult) -> str:
     lead = ""
     for k, text in enumerate(others):
         name = result.settings[k].spec.name if k < len(result.settings) else ""
-        lead += f"<p><strong>{escape(name)}</strong>{escape(text[len(name):])}</p>"
+        lead += f"<p><strong>{escape(name)}</strong>{escape(text[len(name) :])}</p>"
     return f'<p>{escape(first)}</p><div class="lead">{lead}</div>'
 
 
@@ -130,7 +130,11 @@ def _design(result: RunResult, figures: Mapping[str, str]) -> str:
 
 def _setting(setting: SettingResult, stem: str, figures: Mapping[str, str]) -> str:
     roles, name = setting.spec.roles, setting.spec.name
-    kind = "in closed loop: the input depends on the output through feedback" if roles.closed else "inputs free of feedback"
+    kind = (
+        "in closed loop: the input depends on the output through feedback"
+        if roles.closed
+        else "inputs free of feedback"
+    )
     band = f", scored over {setting.band_hz[0]:.3g} to {setting.band_hz[1]:.3g} Hz" if setting.band_hz else ""
     html = f"<p>From {escape(listed(roles.inputs))} to {escape(listed(roles.outputs))}, {kind}; "
     html += f"sampled every {setting.dt * 1e3:.4g} ms{band}.</p>"

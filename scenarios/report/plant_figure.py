@@ -31,7 +31,10 @@ def plant_figure(name: str, truths: Mapping[str, Truth]) -> Figure:
         drawn = pairs[:MOST_PAIRS]
         time_s, steps = _steps(truth, {j for _, j in drawn})
         for k, (i, j) in enumerate(drawn):
-            look = {"color": PALETTE[k % len(PALETTE)], "label": plain(f"{model.inputs[j].name} → {model.outputs[i].name}", 26)}
+            look = {
+                "color": PALETTE[k % len(PALETTE)],
+                "label": plain(f"{model.inputs[j].name} → {model.outputs[i].name}", 26),
+            }
             step.plot(time_s, steps[j][:, i], drawstyle="steps-post", **look)
             magnitude.plot(f, 20 * np.log10(np.maximum(np.abs(G[:, i, j]), 1e-15)), **look)
             phase.plot(f, np.degrees(np.unwrap(np.angle(G[:, i, j]))), **look)

@@ -38,9 +38,11 @@ def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool
     fits = {m: v for m, v in setting.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
     floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
     measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
-    names = ("linearisation floor", "truth, measured") if compact else (
-        "linearisation floor (noise-free truth)", "truth on the measured run"
-    )  # fmt: skip
+    names = (
+        ("linearisation floor", "truth, measured")
+        if compact
+        else ("linearisation floor (noise-free truth)", "truth on the measured run")
+    )
     return [
         ["", name, "", *(number(c.scale * known.get(c.metric, np.nan), c.decimals) for c in columns), ""]
         for name, known in zip(names, (floor, measured), strict=True)

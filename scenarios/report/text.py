@@ -53,7 +53,11 @@ def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str
     s = continuous_poles(poles, model.dt)
     headers, std = ["pole", "frequency Hz", "damping"], (estimate.uncertainty or {}).get("pole_std")
     rows = [
-        [f"{z.real:.4f}" + (f" ± {abs(z.imag):.4f}j" if z.imag else ""), number(abs(p) / (2 * np.pi)), number(-p.real / abs(p))]
+        [
+            f"{z.real:.4f}" + (f" ± {abs(z.imag):.4f}j" if z.imag else ""),
+            number(abs(p) / (2 * np.pi)),
+            number(-p.real / abs(p)),
+        ]
         for z, p in zip(poles, s, strict=True)
     ]
     if std is not None:

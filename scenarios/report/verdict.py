@@ -43,7 +43,9 @@ def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
         fit = spread(row, metric)["median"]
         ahead = next((c.header for c in columns_of(setting)[0] if c.metric == metric), metric)
         if np.isfinite(fit):
-            sentences.append(f"{_sentence(ahead)}: {fit:.1f} %, where the linearised truth itself reaches {floor:.1f} %.")
+            sentences.append(
+                f"{_sentence(ahead)}: {fit:.1f} %, where the linearised truth itself reaches {floor:.1f} %."
+            )
     return " ".join(sentences)
 
 

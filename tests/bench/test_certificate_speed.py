@@ -38,7 +38,9 @@ def test_a_million_samples_of_order_two_hundred(channels):
 def test_where_the_gram_matrix_cannot_tell():
     u = lfilter(*butter(4, 0.3), np.random.default_rng(0).standard_normal(10**5))
     factor, wall, cpu = timed(lambda: hankel_factor([u[:, None]], 100))
-    print(f"\n1e5 samples, 100 block rows ({factor.path}, condition {factor.condition:.1e}): {wall:.2f} s (CPU {cpu:.2f})")
+    print(
+        f"\n1e5 samples, 100 block rows ({factor.path}, condition {factor.condition:.1e}): {wall:.2f} s (CPU {cpu:.2f})"
+    )
     assert factor.path == "blocked-qr"
 
 
@@ -52,7 +54,9 @@ def test_shaping_twenty_thousand_samples_of_three_channels(outputs):
     signal = Signal(np.fft.irfft(spectrum, N, axis=0), dt, period=N)
     w = 2 * np.pi * 1.5
     modes = [
-        cont2discrete((np.array([[0, 1], [-w * w, -2 * z * w]]), np.array([[0], [w * w]]), np.eye(2), np.zeros((2, 1))), dt)
+        cont2discrete(
+            (np.array([[0, 1], [-w * w, -2 * z * w]]), np.array([[0], [w * w]]), np.eye(2), np.zeros((2, 1))), dt
+        )
         for z in (0.3, 0.5, 0.7)
     ]
     model = StateSpaceModel(*(block_diag(*[m[k] for m in modes]) for k in range(4)), dt)

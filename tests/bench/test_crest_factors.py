@@ -20,19 +20,33 @@ pytestmark = pytest.mark.bench
 def odd_random():
     """110 odd lines, one in four left out."""
     return np.array(
-        multisine(dt=0.01, period_s=10.24, band_hz=(0, 28.6), spacing="odd-random", phases="random").recipe["decided"]["lines"][0]
+        multisine(dt=0.01, period_s=10.24, band_hz=(0, 28.6), spacing="odd-random", phases="random").recipe["decided"][
+            "lines"
+        ][0]
     )
 
 
 FLAT = {
-    "31": np.arange(1, 32), "100": np.arange(1, 101), "330": np.arange(1, 331), "3300": np.arange(1, 3301),
-    "31 odd": np.arange(1, 62, 2), "110 odd-random": odd_random, "26 log, 1-400": np.geomspace(1, 400, 30),
-}  # fmt: skip
+    "31": np.arange(1, 32),
+    "100": np.arange(1, 101),
+    "330": np.arange(1, 331),
+    "3300": np.arange(1, 3301),
+    "31 odd": np.arange(1, 62, 2),
+    "110 odd-random": odd_random,
+    "26 log, 1-400": np.geomspace(1, 400, 30),
+}
 # lines, seconds given, crest factor to reach
 CASES = [
-    ("31", 1, 1.40), ("31", 60, 1.37), ("100", 2, 1.41), ("100", 20, 1.38), ("330", 10, 1.39), ("3300", 4, 1.44),
-    ("31 odd", 10, 1.38), ("110 odd-random", 3, 1.50), ("26 log, 1-400", 5, 2.1),
-]  # fmt: skip
+    ("31", 1, 1.40),
+    ("31", 60, 1.37),
+    ("100", 2, 1.41),
+    ("100", 20, 1.38),
+    ("330", 10, 1.39),
+    ("3300", 4, 1.44),
+    ("31 odd", 10, 1.38),
+    ("110 odd-random", 3, 1.50),
+    ("26 log, 1-400", 5, 2.1),
+]
 
 
 def timed(run):
@@ -42,7 +56,9 @@ def timed(run):
 
 
 def test_flat_multisines():
-    print("\nlines            schroeder  clipping     s   limit     aim  excite   bound  starts       s (cpu)  ratio to clipping")
+    print(
+        "\nlines            schroeder  clipping     s   limit     aim  excite   bound  starts       s (cpu)  ratio to clipping"
+    )
     missed = []
     for name, limit, aim in CASES:
         lines = FLAT[name]() if callable(FLAT[name]) else np.unique(FLAT[name].round().astype(int))
@@ -70,9 +86,7 @@ def test_joint_input_output():
     plant = StateSpaceModel(A, B, [[1.0, 0, 0.5, 0]], [[0.0]], 0.01)
     print("\n100 lines through two modes   input  output       s (cpu)")
     for name, form in (("schroeder", {"phases": "schroeder"}), ("optimal", {"time_limit_s": 2.0})):
-        s, wall, cpu = timed(
-            lambda f=form: multisine(dt=0.01, period_s=10.24, band_hz=(0.05, 9.8), model=plant, **f)
-        )
+        s, wall, cpu = timed(lambda f=form: multisine(dt=0.01, period_s=10.24, band_hz=(0.05, 9.8), model=plant, **f))
         worst = s.recipe["crest_factor"] + s.recipe["output_crest_factor"]
         print(f"{name:28} {worst[0]:7.3f} {worst[1]:7.3f} {wall:7.2f} ({cpu:.2f})")
     assert max(worst) <= 1.54
@@ -88,5 +102,7 @@ def test_relative_peak_factors():
         )
         peaks = s.recipe["relative_peak_factor"]
         each = " ".join(f"{p:.3f}" for p in peaks)
-        print(f"{lines:3} lines, {channels} channels {limit:14} {aim:6.2f} {max(peaks):8.3f}  {each:24} {wall:7.2f} ({cpu:.2f})")
+        print(
+            f"{lines:3} lines, {channels} channels {limit:14} {aim:6.2f} {max(peaks):8.3f}  {each:24} {wall:7.2f} ({cpu:.2f})"
+        )
         assert max(peaks) <= aim

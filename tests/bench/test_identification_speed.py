@@ -16,10 +16,7 @@ from statistics import median
 import numpy as np
 import pytest
 
-pytestmark = [
-    pytest.mark.bench,
-    pytest.mark.skipif(sys.platform != "linux", reason="reads peak memory from /proc"),
-]
+pytestmark = [pytest.mark.bench, pytest.mark.skipif(sys.platform != "linux", reason="reads peak memory from /proc")]
 
 ORDERS = {"W1": 4, "W2": 4, "W3": 12, "W4": 12, "W6": 4}
 BLOCK_ROWS = 20
@@ -27,10 +24,12 @@ FIR = {"W4": 400}  # Markov parameters for ERA, else 160
 FASTER = ("W2", "W3", "W4")  # than any peer with correct B and D; W1 is Python's overhead
 NEEDS = {"ctrlsys": "ctrlsys", "era": "control", "sippy": "sippy_unipi"}
 TURNS = {
-    "excite": {"W1": 5, "W2": 5, "W3": 5, "W4": 3, "W6": 3}, "ctrlsys": {"W1": 5, "W2": 5, "W3": 5, "W4": 3, "W6": 3},
-    "full QR": {"W1": 1, "W2": 1, "W3": 1, "W4": 1, "W6": 1}, "era": {"W1": 1, "W2": 1, "W3": 1, "W4": 3, "W6": 1},
+    "excite": {"W1": 5, "W2": 5, "W3": 5, "W4": 3, "W6": 3},
+    "ctrlsys": {"W1": 5, "W2": 5, "W3": 5, "W4": 3, "W6": 3},
+    "full QR": {"W1": 1, "W2": 1, "W3": 1, "W4": 1, "W6": 1},
+    "era": {"W1": 1, "W2": 1, "W3": 1, "W4": 3, "W6": 1},
     "sippy": {"W1": 1, "W2": 1, "W3": 1, "W6": 1},  # W4 takes it minutes
-}  # fmt: skip
+}
 
 
 def excite_fit(u, y, name):
@@ -130,10 +129,16 @@ def measure(tool, name, path):
     with np.errstate(all="ignore"):
         error = data["clean"] - lti.simulate(*map(np.asarray, (A, B, C, D)), data["fresh"])
         fits = 100 * (1 - np.linalg.norm(error, axis=0) / np.linalg.norm(data["clean"] - data["clean"].mean(0), axis=0))
-    print(json.dumps({
-        "seconds": median(times[1:] or times), "peak_mb": peak, "pole_error": cost[linear_sum_assignment(cost)].max(),
-        "fit": float(np.nan_to_num(fits.mean(), nan=-np.inf)),
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "seconds": median(times[1:] or times),
+                "peak_mb": peak,
+                "pole_error": cost[linear_sum_assignment(cost)].max(),
+                "fit": float(np.nan_to_num(fits.mean(), nan=-np.inf)),
+            }
+        )
+    )
 
 
 def child(*arguments):
@@ -204,7 +209,9 @@ def long_record(samples, low_pass):
 @pytest.mark.parametrize(("samples", "low_pass", "limit"), [(10**6, False, 0.3), (10**7, False, 2), (10**6, True, 4)])
 def test_long_records(samples, low_pass, limit):
     best = min((child("long", samples, low_pass) for _ in range(3)), key=lambda r: r["seconds"])
-    print(f"\n{samples:.0e} samples, {best['path']}: {best['seconds']:.2f} s with the Experiment, peak {best['peak_mb']:.0f} MB")
+    print(
+        f"\n{samples:.0e} samples, {best['path']}: {best['seconds']:.2f} s with the Experiment, peak {best['peak_mb']:.0f} MB"
+    )
     assert best["path"] == ("blocked-qr" if low_pass else "gram-cholesky")
     assert best["seconds"] < limit and best["peak_mb"] < 1500
 

@@ -1,6 +1,5 @@
 """Bits of a maximum-length sequence: time of excite and of SciPy, side by side in one run (`-m bench -s`)."""
 
-
 import numpy as np
 import pytest
 from scipy.signal import max_len_seq
@@ -19,7 +18,9 @@ def test_sequences(fastest):
         theirs, expected = fastest(3, lambda n=order: max_len_seq(n, state=np.ones(n, int), taps=list(TAPS[n]))[0])
         signal, _ = fastest(2, lambda n=order: prbs(n, dt=1.0))
         assert np.array_equal(bits, expected)
-        print(f"{order:6} {length:10} {1e3 * ours:11.3f} {1e3 * theirs:11.3f} {theirs / ours:7.1f} {1e3 * signal:11.1f}")
+        print(
+            f"{order:6} {length:10} {1e3 * ours:11.3f} {1e3 * theirs:11.3f} {theirs / ours:7.1f} {1e3 * signal:11.1f}"
+        )
     assert theirs >= 10 * ours
 
 
