@@ -1,11 +1,13 @@
 """Design the input of an identification experiment. `from excite import Signal, prbs, certify, …`."""
 
 from excite.generators import multisine, multistep, noise, prbs, sweep
-from excite.persistency import Certificate, certify
+from excite.models.polynomial import PolynomialModel
+from excite.models.state_space import StateSpaceModel
+from excite.persistency.certificate import Certificate, certify
 from excite.types.channel import Channel
 from excite.types.experiment import Experiment
-from excite.types.models import PolynomialModel, StateSpaceModel
-from excite.types.recording import Loop, Recording, Roles
+from excite.types.loop import Loop
+from excite.types.recording import Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
 

@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from excite.types.models import Model
+from excite.models.model import Model
 
 
 class Status(Enum):

@@ -11,11 +11,11 @@ import numpy as np
 
 from excite.errors import ExciteError, Unsupported, did_you_mean
 from excite.types.experiment import Experiment
+from identify.data.gaps import gap_free, out_of_range, proportional, without_dead_time
 from identify.estimate import Estimate, Status
-from identify.ground.initial_state import initial_state
-from identify.ground.threads import blas_threads
-from identify.orders import largest_gap
-from identify.preprocess import gap_free, out_of_range, proportional, without_dead_time
+from identify.orders.orders import largest_gap
+from identify.steps.initial_state import initial_state
+from identify.steps.threads import blas_threads
 
 Data = Experiment | Sequence[Experiment]
 
@@ -37,8 +37,8 @@ METHODS: dict[str, str] = {
     "po_moesp": "identify.subspace.po_moesp:PoMoesp",
     "sbr": "identify.realization.sbr:Sbr",
     "ssarx": "identify.subspace.ssarx:Ssarx",
-    "ssi_cov": "identify.stochastic.ssi_cov:SsiCov",
-    "ssi_data": "identify.stochastic.ssi_data:SsiData",
+    "ssi_cov": "identify.output_only.ssi_cov:SsiCov",
+    "ssi_data": "identify.output_only.ssi_data:SsiData",
     "ssinnov1": "identify.subspace.ssinnov1:Ssinnov1",
     "ssinnov2": "identify.subspace.ssinnov2:Ssinnov2",
     "wfa": "identify.subspace.wfa:Wfa",

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.errors import ExciteError
+from excite.models.model import Model
 from excite.types.experiment import Experiment
-from excite.types.models import Model
 from excite.types.truth import Truth
-from identify import metrics
+from identify.data.gaps import gap_free
 from identify.estimate import Estimate
-from identify.ground.initial_state import initial_state
-from identify.preprocess import gap_free
+from identify.metrics import metrics
+from identify.steps.initial_state import initial_state
 
 PART = 10  # samples a state in a gap-free part, lest the initial state alone explain it
 

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.types.models import kalman_gain
+from excite.numerics.kalman import kalman_gain
 
 
 def streams(levels: Mapping[str, float], widths: Mapping[str, int], seed: int, count: int) -> dict[str, np.ndarray]:

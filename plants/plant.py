@@ -32,12 +32,12 @@ class Parameter:
 class Injection:
     """A place where an excitation enters: its channels, their limits (low, high), and what can be identified from there.
 
-    settings : name -> Roles on the recording; a setting of the same name at another injection has the same truth.
+    views : name -> Roles on the recording; a view of the same name at another injection has the same truth.
     """
 
     channels: tuple[Channel, ...]
     limits: tuple[tuple[float, float], ...]
-    settings: Mapping[str, Roles] = field(default_factory=dict)
+    views: Mapping[str, Roles] = field(default_factory=dict)
     note: str = ""
 
 
@@ -55,8 +55,8 @@ class Plant(Protocol):
     parameters: Mapping[str, Parameter]
     noise_sources: Mapping[str, Parameter]
 
-    def truth(self, recording: Recording | None, setting: str) -> Truth:
-        """Return the model an ideal identification of this setting would find, from the plant's equations."""
+    def truth(self, recording: Recording | None, view: str) -> Truth:
+        """Return the model an ideal identification of this view would find, from the plant's equations."""
         ...
 
     def run(
@@ -80,21 +80,21 @@ class Plant(Protocol):
 # One line adds a plant: name -> "module:class". The class (or function) takes (preset=..., parameters={...}) as keywords.
 PLANTS: dict[str, str] = {
     "aeroelastic": "plants.aeroelastic.modal:aeroelastic",
-    "arx_bias": "plants.textbook:arx_bias",
-    "delay_process": "plants.textbook:delay_process",
-    "etfe_transient": "plants.textbook:etfe_transient",
+    "arx_bias": "plants.linear.textbook:arx_bias",
+    "delay_process": "plants.linear.textbook:delay_process",
+    "etfe_transient": "plants.linear.textbook:etfe_transient",
     "goland": "plants.aeroelastic.goland:goland",
-    "inverted_pendulum": "plants.textbook:inverted_pendulum",
-    "lti": "plants.lti:lti",
+    "inverted_pendulum": "plants.linear.textbook:inverted_pendulum",
+    "lti": "plants.linear.lti:lti",
     "mjcf": "plants.mjcf.plant:mjcf",
-    "mercere_closed": "plants.textbook:mercere_closed",
-    "mercere_open": "plants.textbook:mercere_open",
-    "miller_31": "plants.textbook:miller_31",
-    "miller_41": "plants.textbook:miller_41",
-    "miller_51": "plants.textbook:miller_51",
+    "mercere_closed": "plants.linear.textbook:mercere_closed",
+    "mercere_open": "plants.linear.textbook:mercere_open",
+    "miller_31": "plants.linear.textbook:miller_31",
+    "miller_41": "plants.linear.textbook:miller_41",
+    "miller_51": "plants.linear.textbook:miller_51",
     "quadrotor": "plants.quadrotor.plant:Quadrotor",
     "thermal_ladder": "plants.thermal.ladder:thermal_ladder",
-    "two_mass_spring": "plants.textbook:two_mass_spring",
+    "two_mass_spring": "plants.linear.textbook:two_mass_spring",
 }
 
 
@@ -107,7 +107,7 @@ def load_plant(name: str, *, preset: str | None = None, parameters: Mapping[str,
     """Return a plant by name, with a preset and overridden parameters, those of an actuator in front of it among them."""
     if name not in PLANTS:
         raise ExciteError(f"plant '{name}' does not exist; {did_you_mean(name, PLANTS)}")
-    from plants.actuator import IN_FRONT, in_front
+    from plants.linear.actuator import IN_FRONT, in_front
 
     module, kind = PLANTS[name].split(":")
     options = {"preset": preset} if preset is not None else {}
@@ -116,8 +116,8 @@ def load_plant(name: str, *, preset: str | None = None, parameters: Mapping[str,
     return in_front(getattr(import_module(module), kind)(parameters=own, **options), actuator)
 
 
-def settings_of(plant: Plant) -> dict[str, Roles]:
-    """Return all settings of a plant by name, with their roles at the first injection that knows them."""
+def views_of(plant: Plant) -> dict[str, Roles]:
+    """Return all views of a plant by name, with their roles at the first injection that knows them."""
     places = reversed(plant.injections.values())
-    found = {name: roles for place in places for name, roles in place.settings.items()}
-    return {name: found[name] for place in plant.injections.values() for name in place.settings}
+    found = {name: roles for place in places for name, roles in place.views.items()}
+    return {name: found[name] for place in plant.injections.values() for name in place.views}

@@ -2,21 +2,21 @@
 
 import importlib.util
 import os
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pytest
 import scipy.linalg as la
 from hypothesis import settings
+from paths import SHARED
 
-from excite.types.models import StateSpaceModel
+from excite.models.state_space import StateSpaceModel
 
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
     settings.load_profile("ci")
 
-CASES = Path(__file__).parents[2] / "shared" / "cases" / "cases.py"
+CASES = SHARED / "cases" / "cases.py"
 
 
 @pytest.fixture(scope="session")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from identify import checks as method_checks
+from identify import conformance as method_checks
 from identify.method import list_methods
-from plants import checks as plant_checks
+from plants import conformance as plant_checks
 from plants.plant import list_plants, load_plant
 
 PAIRS = [(name, check) for name in list_methods() for check in method_checks.checks_of(name)]

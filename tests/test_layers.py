@@ -2,10 +2,10 @@
 
 import ast
 from importlib import import_module
-from pathlib import Path
 
 import click
 import pytest
+from paths import ROOT
 
 from excite.generators import GENERATORS
 from excite.types.signal import Signal
@@ -13,7 +13,6 @@ from identify.method import METHODS, Method, method_class
 from plants.plant import PLANTS, load_plant
 from scenarios.cli.main import COMMANDS
 
-ROOT = Path(__file__).parents[1]
 MAY_IMPORT = {
     "excite": {"excite"},
     "plants": {"excite", "plants"},

@@ -1,15 +1,14 @@
 """The README's code runs, its commands exist, and its table is what the main job prints."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import ROOT
 
-from identify.checks import example
+from identify.conformance import example
 from scenarios.cli.main import COMMANDS, status
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

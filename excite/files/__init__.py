@@ -9,11 +9,12 @@ from pathlib import Path
 from excite.errors import ExciteError, did_you_mean, placed
 from excite.files import autopilot, awg, c_header, crazyflie, hdf5, mat, npz, text, wav
 from excite.files.atomic import readable
-from excite.files.own import damaged, plain, to_loop, to_recording, to_table
+from excite.files.native import damaged, plain, to_level, to_loop, to_recording, to_table
 from excite.files.roles import Columns, channels, choose, marked, require, sampling
 from excite.files.table import Table
-from excite.persistency import certify
+from excite.persistency.certificate import certify
 from excite.types.experiment import Experiment
+from excite.types.recipe import Recipe
 from excite.types.recording import Recording
 from excite.types.signal import Signal
 
@@ -84,11 +85,11 @@ def load_experiment(
     reference: Columns | None = None,
     dt: float | None = None,
     time: str | int | None = None,
-    setting: str | None = None,
+    view: str | None = None,
 ) -> Experiment:
     """Return the experiment in a data file.
 
-    Own files need nothing but the path; a recording gives its default view, or the `setting` named. Elsewhere `inputs`,
+    Own files need nothing but the path; a recording gives its default view, or the `view` named. Elsewhere `inputs`,
     `outputs` and `reference` choose columns by name or by number from 0; without them, headers such as ``u:flap``, u,
     u1, y2 and r count. No inputs, given as an empty list or in an own file without any, leaves outputs alone. `dt` in s,
     or `time`, the time column in s (one called time_s, t_s, time or t is found). NaN and empty fields are missing
@@ -101,9 +102,9 @@ def load_experiment(
     if table.meta.get("kind") == "recording" and all(flag is None for flag in flags):
         recording = to_recording(table)
         with damaged(table.place):
-            return recording.experiment(setting)
-    if setting is not None:
-        raise ExciteError(f"{path}: setting '{setting}' needs a recording, without roles or dt given; drop it")
+            return recording.experiment(view)
+    if view is not None:
+        raise ExciteError(f"{path}: view '{view}' needs a recording, without roles or dt given; drop it")
     u, y, r = choose(table, "u", inputs), choose(table, "y", outputs), choose(table, "r", reference)
     outputs_alone = not u and (inputs is not None or marked(table, "y"))
     require(table, None if outputs_alone else u, y)
@@ -120,6 +121,7 @@ def load_experiment(
             references=channels(table, r) if r else None,
             period=table.meta.get("period"),
             loop=to_loop(table.meta.get("loop")),
+            level=to_level(table.meta.get("level")),
             name=table.meta.get("name") or Path(path).stem,
         )
 
@@ -139,7 +141,8 @@ def load_signal(
         span = f"{time_s[0]:g} to {time_s[-1]:g} s"
         raise ExciteError(f"{path}: its {len(time_s)} times from {span} are not uniform; resample it, or give dt")
     with damaged(table.place):
-        recipe = table.meta.get("recipe", {}) if inputs is None else {}
+        recipe = table.meta.get("recipe") if inputs is None else None
+        recipe = None if recipe is None else Recipe.from_dict(recipe)
         return Signal(table.values[:, u], dt, channels(table, u), table.meta.get("period"), recipe)
 
 

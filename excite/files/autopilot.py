@@ -22,10 +22,11 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import readable
-from excite.files.own import damaged
+from excite.files.native import damaged
 from excite.files.sidecar import read_sidecar, written_with_sidecar
 from excite.files.table import Table, header
 from excite.types.channel import Channel, positive
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 DEFAULT_DT_S = 0.0025  # of a file without a sidecar: 400 Hz, ArduCopter's main loop
@@ -71,8 +72,9 @@ class Autopilot:
                 f"{len(signal.channels)} channels, but {self.name} sweeps one axis a flight; export one channel"
             )
         try:
-            parameters = self.parameters(signal.recipe, signal.channels[0], (len(signal.u) - 1) * signal.dt)
-            played = self.waveform(parameters, signal.time_s) * signal.recipe["amplitude"][0]
+            recipe = signal.recipe or Recipe("none")
+            parameters = self.parameters(recipe, signal.channels[0], (len(signal.u) - 1) * signal.dt)
+            played = self.waveform(parameters, signal.time_s) * recipe["amplitude"][0]
         except (KeyError, TypeError, IndexError, ValueError) as error:
             raise ExciteError(
                 f"the recipe of the sweep is incomplete ({type(error).__name__}: {error}); design it again"
@@ -84,17 +86,12 @@ class Autopilot:
             )
         return replace(signal, u=played)
 
-    def parameters(self, recipe: Mapping, channel: Channel, end_s: float) -> dict[str, float]:
+    def parameters(self, recipe: Recipe, channel: Channel, end_s: float) -> dict[str, float]:
         """Return the parameters, rounded to float32, of a sweep recipe whose last sample is at `end_s`."""
         form, dwell = recipe.get("form"), recipe.get("dwell_cycles")
         wanted = f"a sweep of form {' or '.join(self.forms)} with dwell_cycles = {self.dwell_cycles} and without offset"
-        if (
-            recipe.get("kind") != "sweep"
-            or form not in self.forms
-            or dwell != self.dwell_cycles
-            or any(recipe["offset"])
-        ):
-            given = {key: recipe.get(key) for key in ("kind", "form", "dwell_cycles", "offset")}
+        if recipe.kind != "sweep" or form not in self.forms or dwell != self.dwell_cycles or any(recipe["offset"]):
+            given = {"kind": recipe.kind} | {key: recipe.get(key) for key in ("form", "dwell_cycles", "offset")}
             raise ExciteError(f"{self.name} plays {wanted}; the signal's recipe says {given}")
         number = next((n for n, axis in self.axes.items() if _alike(axis, channel)), None)
         if number is None:
@@ -135,7 +132,7 @@ class Autopilot:
     def write(self, table: Table, path: Path) -> None:
         """Write the parameter file and its sidecar."""
         channel = Channel.parse(table.names[1][2:])
-        recipe = table.meta["recipe"]
+        recipe = Recipe.from_dict(table.meta["recipe"])
         parameters = self.parameters(recipe, channel, float(table.values[-1, 0]))
         lines = ["# Sweep designed with excite. Load, check every value, and set the axis back to 0 after the flight."]
         lines += [self.line(name, value) for name, value in parameters.items()]

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import readable
-from excite.files.own import damaged
+from excite.files.native import damaged
 from excite.files.quantised import codes_of, decoded_table, quantised
 from excite.files.sidecar import written_with_sidecar
 from excite.files.table import Table

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.files.own import damaged
+from excite.files.native import damaged
 from excite.files.sidecar import read_sidecar
 from excite.files.table import Table
 from excite.types.channel import positive

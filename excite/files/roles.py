@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
-from excite.files.own import damaged
+from excite.files.native import damaged
 from excite.files.table import TIME_NAMES, Table
 from excite.types.channel import Channel, positive
 

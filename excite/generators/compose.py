@@ -7,6 +7,7 @@ from math import lcm
 import numpy as np
 
 from excite.generators.parameters import Channels, Parameters
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 Trim = float | Sequence[float]
@@ -60,15 +61,15 @@ def side_by_side(
     warnings = [
         f"signals[{i}] ends after {lengths[i]} samples and rests at trim for {longest - lengths[i]}" for i in short
     ]
-    recipe = {
-        "kind": "side_by_side",
-        "signals": [dict(s.recipe) for s in signals],
-        "pad": pad,
-        "trim": trims,
-        "channels": [str(c) for c in named],
-        "padded_samples": [longest - length for length in lengths],
-        "warnings": warnings + _warnings(signals),
-    }
+    recipe = Recipe.of(
+        side_by_side,
+        signals=[s.recipe for s in signals],
+        pad=pad,
+        trim=trims,
+        channels=[str(c) for c in named],
+        padded_samples=[longest - length for length in lengths],
+        warnings=warnings + _warnings(signals),
+    )
     return Signal(u, signals[0].dt, named, period if period and period <= longest else None, recipe)
 
 
@@ -103,14 +104,14 @@ def in_sequence(signals: Sequence[Signal], *, rest_s: float = 0.0, trim: Trim = 
     u = np.tile(trims, (samples, 1))
     for start, s in zip(starts, signals, strict=True):
         u[start : start + len(s.u)] = s.u
-    recipe = {
-        "kind": "in_sequence",
-        "signals": [dict(s.recipe) for s in signals],
-        "rest_s": float(rest_s),
-        "trim": trims,
-        "starts": starts,
-        "warnings": _warnings(signals),
-    }
+    recipe = Recipe.of(
+        in_sequence,
+        signals=[s.recipe for s in signals],
+        rest_s=float(rest_s),
+        trim=trims,
+        starts=starts,
+        warnings=_warnings(signals),
+    )
     return Signal(u, first.dt, first.channels, first.period if len(signals) == 1 else None, recipe)
 
 
@@ -124,15 +125,15 @@ def rest(*, dt: float, duration_s: float, trim: Trim = 0.0, channels: Channels =
     trims = check.offsets("trim", trim, len(named))
     samples = check.samples("duration_s", duration_s, dt)
     check.bounded("duration_s", duration_s, samples, len(named), "shorten it")
-    recipe = {
-        "kind": "rest",
-        "dt": dt,
-        "duration_s": float(duration_s),
-        "trim": trims,
-        "channels": [str(c) for c in named],
-        "seed": check.seed(seed),
-        "warnings": [],
-    }
+    recipe = Recipe.of(
+        rest,
+        dt=dt,
+        duration_s=float(duration_s),
+        trim=trims,
+        channels=[str(c) for c in named],
+        seed=check.seed(seed),
+        warnings=[],
+    )
     return Signal(np.tile(trims, (samples, 1)), dt, named, None, recipe)
 
 
@@ -162,17 +163,17 @@ def with_ramps(signal: Signal, *, up_s: float, down_s: float | None = None, trim
     u = np.vstack(
         [np.linspace(trims, signal.u[0], up, endpoint=False), signal.u, np.linspace(signal.u[-1], trims, down + 1)[1:]]
     )
-    recipe = {
-        "kind": "with_ramps",
-        "signal": dict(signal.recipe),
-        "up_s": float(up_s),
-        "down_s": float(down_s),
-        "trim": trims,
-        "core_start": up,
-        "core_samples": len(signal.u),
-        "core_period": signal.period,
-        "warnings": _warnings([signal]),
-    }
+    recipe = Recipe.of(
+        with_ramps,
+        signal=signal.recipe,
+        up_s=float(up_s),
+        down_s=float(down_s),
+        trim=trims,
+        core_start=up,
+        core_samples=len(signal.u),
+        core_period=signal.period,
+        warnings=_warnings([signal]),
+    )
     return replace(signal, u=u, period=signal.period if samples == len(signal.u) else None, recipe=recipe)
 
 
@@ -197,7 +198,7 @@ def _signals(check: Parameters, signals: object) -> list[Signal]:
 
 
 def _warnings(signals: Sequence[Signal]) -> list[str]:
-    return [f"signals[{i}]: {text}" for i, s in enumerate(signals) for text in s.recipe.get("warnings", ())]
+    return [f"signals[{i}]: {text}" for i, s in enumerate(signals) for text in s.warnings]
 
 
 COMPOSITIONS: dict[str, Callable[..., Signal]] = {f.__name__: f for f in (side_by_side, in_sequence, rest, with_ramps)}

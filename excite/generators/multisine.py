@@ -7,7 +7,8 @@ import numpy as np
 from excite.generators import allocation, crest
 from excite.generators.allocation import ORTHOGONAL, SPACINGS, check, floats
 from excite.generators.parameters import Channels
-from excite.types.models import StateSpaceModel
+from excite.models.state_space import StateSpaceModel
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 PHASES = ("optimal", "schroeder", "newman", "random")
@@ -149,8 +150,7 @@ def multisine(
     u = np.clip(u.reshape(-1, len(names)), -np.array(levels), levels)  # rounding must not exceed the level by a bit
 
     report = _report(numbers, amplitudes, angles, mixing, model, size, dt)
-    recipe = {
-        "kind": "multisine",
+    values = {
         "dt": dt,
         "period_s": float(period_s),
         "band_hz": band_hz,
@@ -173,9 +173,11 @@ def multisine(
         "period_samples": size,
         "experiments": len(mixing),
         **report,
-        "warnings": _warnings(decided, report, crest_target, len(mixing), periods, count),
     }
-    return Signal(u, dt, names, size * (periods * len(mixing) if len(mixing) > 1 else 1), _plain(recipe))
+    recipe = Recipe.of(
+        multisine, _warnings(decided, report, crest_target, len(mixing), periods, count), **_plain(values)
+    )
+    return Signal(u, dt, names, size * (periods * len(mixing) if len(mixing) > 1 else 1), recipe)
 
 
 def _design(

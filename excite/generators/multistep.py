@@ -6,6 +6,7 @@ import numpy as np
 
 from excite.generators.compose import in_turn
 from excite.generators.parameters import Channels, Parameters
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 # form -> level of each unit of time, as a fraction of the amplitude; a staircase is made from its number of steps
@@ -103,22 +104,21 @@ def multistep(
     signs = np.where(np.arange(times) % 2, -1.0 if swap else 1.0, 1.0)
     wave = np.concatenate([np.zeros(lead), np.outer(signs, once).ravel()])
     u = in_turn(wave, levels, offsets)
-    recipe = {
-        "kind": "multistep",
-        "form": form,
-        "dt": dt,
-        "unit_s": float(unit_s),
-        **dict.fromkeys(given),
-        **own,
-        "amplitude": levels,
-        "offset": offsets,
-        "channels": [str(c) for c in named],
-        "seed": seed,
-        "unit_samples": unit,
-        "starts": [c * samples for c in range(len(named))],
-        "edges": (np.flatnonzero((np.diff(u, axis=0) != 0).any(axis=1)) + 1).tolist(),
-        "warnings": [],
-    }
+    recipe = Recipe.of(
+        multistep,
+        form=form,
+        dt=dt,
+        unit_s=float(unit_s),
+        **(dict.fromkeys(given) | own),
+        amplitude=levels,
+        offset=offsets,
+        channels=[str(c) for c in named],
+        seed=seed,
+        unit_samples=unit,
+        starts=[c * samples for c in range(len(named))],
+        edges=(np.flatnonzero((np.diff(u, axis=0) != 0).any(axis=1)) + 1).tolist(),
+        warnings=[],
+    )
     return Signal(u, dt, named, None, recipe)
 
 

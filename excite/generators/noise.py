@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from excite.generators.parameters import Channels, Parameters
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 check = Parameters("noise")
@@ -117,22 +118,21 @@ def noise(
         decisions |= decided
     period = length if periods is not None or form == "band-limited" else None
     constant = [str(named[c]) for c in np.flatnonzero((u == u[0]).all(axis=0))]
-    recipe = {
-        "kind": "noise",
-        "form": form,
-        "dt": dt,
-        "duration_s": float(duration_s),
-        **dict.fromkeys(given),
-        **own,
-        "offset": offsets,
-        "periods": periods,
-        "channels": [str(c) for c in named],
-        "seed": seed,
+    recipe = Recipe.of(
+        noise,
+        form=form,
+        dt=dt,
+        duration_s=float(duration_s),
+        **(dict.fromkeys(given) | own),
+        offset=offsets,
+        periods=periods,
+        channels=[str(c) for c in named],
+        seed=seed,
         **decisions,
-        "realised_rms": realised[0].tolist(),
-        "realised_peak": realised[1].tolist(),
-        "warnings": [f"{name} never changes in {duration_s:g} s; play longer" for name in constant],
-    }
+        realised_rms=realised[0].tolist(),
+        realised_peak=realised[1].tolist(),
+        warnings=[f"{name} never changes in {duration_s:g} s; play longer" for name in constant],
+    )
     return Signal(u, dt, named, period, recipe)
 
 

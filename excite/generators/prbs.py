@@ -6,6 +6,7 @@ import numpy as np
 
 from excite.generators import lfsr
 from excite.generators.parameters import Channels, Parameters
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 # Order n -> taps t of s(k+n) = s(k) + sum s(k+t) mod 2: the table of scipy.signal.max_len_seq, which names New Wave
@@ -187,35 +188,35 @@ def prbs(
             rms[c] = levels[c] * float(np.sqrt((wave**2).mean()))
 
     nested = [list(tap_set) for tap_set in polynomials]
-    recipe = {
-        "kind": "prbs",
-        "order": order,
-        "dt": dt,
-        "hold": hold,
-        "highest_hz": highest_hz and float(highest_hz),
-        "taps": nested if decorrelate == "sequences" else nested[0],
-        "inverse_repeat": inverse_repeat,
-        "decorrelate": decorrelate,
-        "amplitude": levels,
-        "offset": offsets,
-        "band_limit_hz": band_limit_hz,
-        "channels": [str(c) for c in named],
-        "periods": periods,
-        "duration_s": None if duration_s is None else float(duration_s),
-        "seed": seed,
-        "state": state,
-        "shifts": shifts,
-        "signs": signs,
-        "modulation": rows.tolist(),
-        "clock_hz": 1 / (hold * dt),
-        "rms": rms,
-        "period_samples": period,
-        "usable_response_chips": spacing,
-        "usable_response_s": spacing * hold * dt,
-        "cross_correlation": _cross_correlation(order, polynomials, rows, decorrelate),
-        "product_lag_chips": None if factor > 1 else product_lag,
-        "warnings": _clock_warning(highest_hz, dt) + _cut_warning(wanted, period, dt),
-    }
+    recipe = Recipe.of(
+        prbs,
+        order=order,
+        dt=dt,
+        hold=hold,
+        highest_hz=highest_hz and float(highest_hz),
+        taps=nested if decorrelate == "sequences" else nested[0],
+        inverse_repeat=inverse_repeat,
+        decorrelate=decorrelate,
+        amplitude=levels,
+        offset=offsets,
+        band_limit_hz=band_limit_hz,
+        channels=[str(c) for c in named],
+        periods=periods,
+        duration_s=None if duration_s is None else float(duration_s),
+        seed=seed,
+        state=state,
+        shifts=shifts,
+        signs=signs,
+        modulation=rows.tolist(),
+        clock_hz=1 / (hold * dt),
+        rms=rms,
+        period_samples=period,
+        usable_response_chips=spacing,
+        usable_response_s=spacing * hold * dt,
+        cross_correlation=_cross_correlation(order, polynomials, rows, decorrelate),
+        product_lag_chips=None if factor > 1 else product_lag,
+        warnings=_clock_warning(highest_hz, dt) + _cut_warning(wanted, period, dt),
+    )
     return Signal(u, dt, named, period if wanted >= period else None, recipe)
 
 

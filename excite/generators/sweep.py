@@ -6,6 +6,7 @@ import numpy as np
 
 from excite.generators.compose import in_turn
 from excite.generators.parameters import Channels, Parameters
+from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 check = Parameters("sweep")
@@ -155,20 +156,19 @@ def sweep(
             period = samples if count == 1 else None
         else:
             wave = _chirp(form, own, samples, dt)
-    recipe = {
-        "kind": "sweep",
-        "form": form,
-        "dt": dt,
-        **dict.fromkeys(given),
-        **own,
-        "amplitude": levels,
-        "offset": offsets,
-        "channels": [str(c) for c in named],
-        "seed": seed,
-        "starts": [c * len(wave) for c in range(count)],
+    recipe = Recipe.of(
+        sweep,
+        form=form,
+        dt=dt,
+        **(dict.fromkeys(given) | own),
+        amplitude=levels,
+        offset=offsets,
+        channels=[str(c) for c in named],
+        seed=seed,
+        starts=[c * len(wave) for c in range(count)],
         **decisions,
-        "warnings": warnings,
-    }
+        warnings=warnings,
+    )
     return Signal(in_turn(wave, levels, offsets), dt, named, period, recipe)
 
 

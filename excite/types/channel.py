@@ -88,3 +88,15 @@ def period_of(value: object, place: str) -> int | None:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise ExciteError(f"{place}: {value!r}; give a positive number of samples, or None")
     return int(value)
+
+
+def time_axis(time_s: object, count: int, place: str) -> np.ndarray:
+    """Return (N,) strictly increasing finite times, read-only."""
+    time = samples(time_s, place)[:, 0]
+    if len(time) != count:
+        raise ExciteError(f"{place}: {len(time)} times for {count} samples")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0))
+        raise ExciteError(f"{place}: time does not increase after sample {k} ({time[k]:g} s -> {time[k + 1]:g} s)")
+    return time

@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.types.channel import Channel, channels_for, period_of, positive, samples
-
-if TYPE_CHECKING:
-    from excite.types.recording import Loop
+from excite.types.channel import Channel, channels_for, period_of, positive, samples, time_axis
+from excite.types.level import Level
+from excite.types.loop import Loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +31,11 @@ class Experiment:
     outputs: Sequence[Channel | str] | None = None
     references: Sequence[Channel | str] | None = None
     period: int | None = None
-    loop: "Loop | None" = None
+    loop: Loop | None = None
     name: str = "data"
+    level: str | Level | tuple = "zero"
 
     def __post_init__(self) -> None:
-        from excite.types.recording import Loop, time_axis  # the two types know each other
-
         for key, role, prefix in (("u", "inputs", "u"), ("y", "outputs", "y"), ("reference", "references", "r")):
             if key == "reference" and self.reference is None:
                 object.__setattr__(self, role, ())
@@ -63,7 +60,8 @@ class Experiment:
         else:
             time = time_axis(self.time_s, len(self.u), "Experiment.time_s")
         object.__setattr__(self, "time_s", time)
-        object.__setattr__(self, "loop", self.loop or Loop())
+        object.__setattr__(self, "loop", self.loop or Loop("open"))
+        object.__setattr__(self, "level", Level.of(self.level))
         object.__setattr__(self, "period", period_of(self.period, "Experiment.period"))
 
     def __len__(self) -> int:

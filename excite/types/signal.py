@@ -1,13 +1,12 @@
 """Signal: what is played on the plant."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.errors import ExciteError
 from excite.types.channel import Channel, channels_for, period_of, positive, samples
+from excite.types.recipe import Recipe
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,20 +14,21 @@ class Signal:
     """A designed input, sampled with zero-order hold.
 
     u : (N, nu) samples; dt : s; channels : names and units; period : samples in one period, or None;
-    recipe : what the generator decided (kind, taps, seed, …), enough to regenerate `u` bit for bit.
+    recipe : how a generator made it, enough to make `u` again bit for bit; None where nobody knows.
     """
 
     u: np.ndarray
     dt: float
     channels: tuple[Channel, ...] | None = None
     period: int | None = None
-    recipe: Mapping = field(default_factory=dict)
+    recipe: Recipe | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "u", samples(self.u, "Signal.u"))
         object.__setattr__(self, "dt", positive(self.dt, "Signal.dt"))
         object.__setattr__(self, "channels", channels_for(self.u.shape[1], self.channels, "u"))
-        object.__setattr__(self, "recipe", MappingProxyType(dict(self.recipe)))
+        if self.recipe is not None and not isinstance(self.recipe, Recipe):
+            raise ExciteError(f"Signal.recipe: a {type(self.recipe).__name__}; give a Recipe, or None")
         object.__setattr__(self, "period", period_of(self.period, "Signal.period"))
 
     @property
@@ -40,6 +40,20 @@ class Signal:
     def time_s(self) -> np.ndarray:
         """Time of every sample, (N,), s."""
         return np.arange(len(self.u)) * self.dt
+
+    @property
+    def hold(self) -> int:
+        """Samples over which the signal is held: it changes only at whole multiples of so many.
+
+        A constant signal is held throughout.
+        """
+        changes = 1 + np.flatnonzero((self.u[1:] != self.u[:-1]).any(axis=1))
+        return int(np.gcd.reduce(changes)) if len(changes) else len(self.u)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What its generator has to say about it."""
+        return () if self.recipe is None else self.recipe.warnings
 
     def sampled(self, dt: float) -> "Signal":
         """Return the zero-order-held signal sampled every dt seconds; dt must divide, or be a multiple of, the signal's."""

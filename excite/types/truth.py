@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
-from excite.types.models import StateSpaceModel
+from excite.models.state_space import StateSpaceModel
 
 KINDS = ("exact", "linearised", "periodically time-varying", "best linear approximation")
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The model that an ideal identification of one setting would find.
+    """The model that an ideal identification of one view would find.
 
     model : state space, with K and innovation covariance when the noise has a state-space description;
     kind : exact, linearised (small signals), periodically time-varying (no time-invariant model is true at this dt; the

@@ -6,14 +6,14 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.hankel import hankel_factor, largest_rows
+from excite.models.polynomial import PolynomialModel
+from excite.numerics.hankel import hankel_factor, largest_rows
 from excite.types.experiment import Experiment
-from excite.types.models import PolynomialModel
+from identify.data.gaps import gap_free
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, joint_segments, regress, require_excitation
-from identify.ground.initial_state import initial_state
 from identify.method import Data, Method, experiments
-from identify.preprocess import gap_free
+from identify.steps.compression import PastFuture, joint_segments, regress, require_excitation
+from identify.steps.initial_state import initial_state
 
 
 @dataclass(frozen=True)

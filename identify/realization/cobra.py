@@ -6,13 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
+from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
-from excite.types.models import StateSpaceModel
+from identify.data.gaps import gap_free
 from identify.estimate import Estimate
-from identify.ground.compression import joint_segments
-from identify.ground.realization import era, hankel_of
 from identify.method import Data, Method, experiments, order_or_gap
-from identify.preprocess import gap_free
 from identify.realization.shifted_data import (
     BIASED,
     ShiftedData,
@@ -23,6 +21,8 @@ from identify.realization.shifted_data import (
     reference_missing,
     shifted_data,
 )
+from identify.steps.compression import joint_segments
+from identify.steps.hankel_svd import era, hankel_of
 
 INSTRUMENTS = ("auto", "inputs", "reference")
 

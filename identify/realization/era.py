@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import ExciteError
-from identify.ground.realization import era, hankel_of, hankel_svd
 from identify.method import Data, experiments
 from identify.realization.impulse_responses import ResponseFactor, ResponseMethod, impulse_responses, response_columns
+from identify.steps.hankel_svd import era, hankel_of, hankel_svd
 
 
 @dataclass(frozen=True)

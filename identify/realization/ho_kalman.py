@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from identify.ground.realization import hankel_svd, kung
 from identify.method import Data, experiments
 from identify.realization.impulse_responses import ResponseFactor, ResponseMethod, impulse_responses, response_columns
+from identify.steps.hankel_svd import hankel_svd, kung
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
-from excite.types.models import StateSpaceModel
 from identify.estimate import Estimate
-from identify.ground.compression import joint_segments
-from identify.ground.realization import HankelSvd
 from identify.method import Data, Method, experiments, order_or_gap
+from identify.steps.compression import joint_segments
+from identify.steps.hankel_svd import HankelSvd
 
 
 @dataclass(frozen=True, eq=False)

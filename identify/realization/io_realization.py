@@ -6,16 +6,12 @@ from typing import ClassVar
 import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
-from excite.hankel import HankelFactor, hankel_factor
+from excite.models.state_space import StateSpaceModel
+from excite.numerics.hankel import HankelFactor, hankel_factor
 from excite.types.experiment import Experiment
-from excite.types.models import StateSpaceModel
+from identify.data.gaps import gap_free
 from identify.estimate import Estimate
-from identify.ground.compression import joint_segments, orthonormal
-from identify.ground.input_matrices import input_matrices
-from identify.ground.kalman import spectral_radius
-from identify.ground.realization import era
 from identify.method import Data, Method, experiments, order_or_gap
-from identify.preprocess import gap_free
 from identify.realization.shifted_data import (
     BIASED,
     ShiftedData,
@@ -26,6 +22,10 @@ from identify.realization.shifted_data import (
     reference_missing,
     shifted_data,
 )
+from identify.steps.compression import joint_segments, orthonormal
+from identify.steps.hankel_svd import era
+from identify.steps.input_matrices import input_matrices
+from identify.steps.kalman import spectral_radius
 
 INSTRUMENTS = ("auto", "none", "past_inputs", "reference")
 

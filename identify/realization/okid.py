@@ -7,10 +7,10 @@ import numpy as np
 import scipy.linalg as la
 
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, require_excitation
-from identify.ground.kalman import NOISE_FREE
-from identify.ground.realization import HankelSvd, era, hankel_of, hankel_svd
 from identify.method import Data, experiments, order_or_gap
+from identify.steps.compression import PastFuture, require_excitation
+from identify.steps.hankel_svd import HankelSvd, era, hankel_of, hankel_svd
+from identify.steps.kalman import NOISE_FREE
 from identify.subspace.realize import complete
 from identify.subspace.subspace_method import DecomposingMethod
 from identify.subspace.varx import varx

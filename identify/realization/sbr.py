@@ -7,14 +7,14 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
-from excite import lti
 from excite.errors import ExciteError, did_you_mean
+from excite.models.state_space import StateSpaceModel
+from excite.numerics.simulate import observability
 from excite.types.experiment import Experiment
-from excite.types.models import StateSpaceModel
 from identify.estimate import Estimate, Status
-from identify.ground.compression import joint_segments, lq
-from identify.ground.realization import HankelSvd, era, hankel_of
 from identify.method import Data, Method, experiments, order_or_gap
+from identify.steps.compression import joint_segments, lq
+from identify.steps.hankel_svd import HankelSvd, era, hankel_of
 
 FORMS = ("printed", "projected")
 
@@ -158,7 +158,7 @@ class Sbr(Method):
         initial = direct + (ny * nu if self.feedthrough else 0)
         blocks = []
         for k, e in enumerate(data):
-            N, O = len(e), lti.observability(A, C, len(e))
+            N, O = len(e), observability(A, C, len(e))
             reach = np.concatenate([np.zeros((1, ny, n)), np.cumsum(O[:-1], axis=0)])
             phi = np.zeros((N, ny, initial + (0 if self.at_rest else n * len(data))))
             for t, j in np.argwhere(changes(e)):

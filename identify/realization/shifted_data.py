@@ -6,16 +6,16 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.persistency import certify
+from excite.models.state_space import StateSpaceModel
+from excite.persistency.certificate import certify
 from excite.types.experiment import Experiment
-from excite.types.models import StateSpaceModel
 from identify.estimate import Estimate
-from identify.ground.covariance import cross_covariance, smoothed_covariance
-from identify.ground.initial_state import initial_state
-from identify.ground.input_matrices import input_matrices
-from identify.ground.kalman import spectral_radius
-from identify.ground.realization import HankelSvd
-from identify.uncertainty import noise_weights, pole_uncertainty
+from identify.steps.covariance import cross_covariance, smoothed_covariance
+from identify.steps.hankel_svd import HankelSvd
+from identify.steps.initial_state import initial_state
+from identify.steps.input_matrices import input_matrices
+from identify.steps.kalman import spectral_radius
+from identify.uncertainty.first_order import noise_weights, pole_uncertainty
 
 ROUNDING = 1e-13  # singular values below this fraction of the largest are rounding
 BIASED = "biased: feedback correlates the instrument with the noise; record the reference and take it as the instrument"

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import scipy.linalg as la
 
-from identify.ground.compression import PastFuture
+from identify.steps.compression import PastFuture
 from identify.subspace.row_by_row import causal_lq, coefficients_on
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from identify.ground.compression import PastFuture, future_lq, left_svd
+from identify.steps.compression import PastFuture, future_lq, left_svd
 from identify.subspace.subspace_method import DecomposingMethod, Subspace
 
 

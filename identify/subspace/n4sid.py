@@ -8,8 +8,8 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError, did_you_mean
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, future_lq, orthonormal
 from identify.method import order_or_gap
+from identify.steps.compression import PastFuture, future_lq, orthonormal
 from identify.subspace.realize import complete
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 from identify.subspace.system_equations import gain_of, system_equations

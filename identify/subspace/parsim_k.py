@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from identify.ground.compression import PastFuture, regress
+from identify.steps.compression import PastFuture, regress
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from identify.ground.compression import PastFuture
+from identify.steps.compression import PastFuture
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 from identify.subspace.varx import varx
 

@@ -3,12 +3,13 @@
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.types.models import StateSpaceModel, kalman_gain
+from excite.models.state_space import StateSpaceModel
+from excite.numerics.kalman import kalman_gain
 from identify.estimate import Estimate, Status
-from identify.ground.compression import PastFuture
-from identify.ground.initial_state import initial_state
-from identify.ground.input_matrices import input_matrices
-from identify.ground.kalman import spectral_radius
+from identify.steps.compression import PastFuture
+from identify.steps.initial_state import initial_state
+from identify.steps.input_matrices import input_matrices
+from identify.steps.kalman import spectral_radius
 
 
 def complete(

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.linalg as la
 
-from identify.ground.compression import PastFuture
+from identify.steps.compression import PastFuture
 
 TINY = 1e-12  # what is left of a row below this fraction of it is rounding: the row depends on those before it
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
-from identify.ground.compression import PastFuture, orthonormal
+from identify.steps.compression import PastFuture, orthonormal
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 from identify.subspace.varx import varx
 

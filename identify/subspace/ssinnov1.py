@@ -6,12 +6,12 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
-from excite.lti import observability
+from excite.numerics.simulate import observability
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture
-from identify.ground.kalman import noise_free
-from identify.ground.realization import HankelSvd, hankel_svd, kung
 from identify.method import Data, experiments, order_or_gap
+from identify.steps.compression import PastFuture
+from identify.steps.hankel_svd import HankelSvd, hankel_svd, kung
+from identify.steps.kalman import noise_free
 from identify.subspace.realize import complete
 from identify.subspace.subspace_method import TwoHorizonMethod
 from identify.subspace.varx import varx

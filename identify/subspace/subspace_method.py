@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.linalg as la
 
-from excite.hankel import columns_of, largest_rows
+from excite.numerics.hankel import columns_of, largest_rows
+from identify.data.gaps import gap_free
 from identify.estimate import Estimate
-from identify.ground.compression import PastFuture, compress, regress
-from identify.ground.kalman import state_regression
-from identify.ground.shift_invariance import shift_invariance
-from identify.ground.stability_guard import stable_dynamics
 from identify.method import Data, Method, experiments, order_or_gap
-from identify.preprocess import gap_free
+from identify.steps.compression import PastFuture, compress, regress
+from identify.steps.kalman import state_regression
+from identify.steps.regions import stable_dynamics
+from identify.steps.shift import shift_invariance
 from identify.subspace.realize import complete
 
 

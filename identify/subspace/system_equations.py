@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from excite.types.models import kalman_gain
-from identify.ground.compression import PastFuture, lq, regress
-from identify.ground.kalman import noise_free
+from excite.numerics.kalman import kalman_gain
+from identify.steps.compression import PastFuture, lq, regress
+from identify.steps.kalman import noise_free
 
 
 @dataclass(frozen=True, eq=False)

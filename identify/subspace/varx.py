@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.ground.compression import PastFuture, regress
+from identify.steps.compression import PastFuture, regress
 
 
 @dataclass(frozen=True, eq=False)

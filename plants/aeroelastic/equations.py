@@ -15,11 +15,11 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.types.models import StateSpaceModel
+from excite.models.state_space import StateSpaceModel
 from plants.aeroelastic.parameters import EXCITED, FAMILIES, NOISE
 from plants.aeroelastic.sensors import ACCELEROMETERS, PRESSURES, shapes, tap_gains
 from plants.aeroelastic.turbulence import dryden_vertical, sampled_noise
-from plants.loop import Dynamics
+from plants.linear.loop import Dynamics
 
 DT = 0.01  # s
 BAND_HZ = (3.0, 35.0)  # of the experiments

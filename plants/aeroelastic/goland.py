@@ -11,9 +11,9 @@ from scipy.optimize import brentq, linear_sum_assignment
 from excite.errors import ExciteError
 from excite.types.channel import Channel
 from plants.aeroelastic.turbulence import dryden_vertical, sampled_noise
-from plants.given import resolve
-from plants.linear import LinearPlant
-from plants.loop import Dynamics
+from plants.arguments import resolve
+from plants.linear.loop import Dynamics
+from plants.linear.plant import LinearPlant
 from plants.plant import Parameter
 
 GOLAND = "Goland 1945, J. Appl. Mech. 12(4), the flutter of a uniform cantilever wing; in SI units"

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
+from excite.models.state_space import StateSpaceModel
 from excite.types.channel import Channel
-from excite.types.models import StateSpaceModel
 from excite.types.recording import Roles
 from excite.types.truth import Truth
-from plants.actuator import RamRate, Saturation
 from plants.aeroelastic.equations import ALL, DT, dynamics, held, servo, strongest
 from plants.aeroelastic.parameters import DESCRIPTIONS, FAMILIES, NOISE, PRESETS
 from plants.aeroelastic.sensors import ACCELEROMETERS, PRESSURES
-from plants.given import resolve
-from plants.linear import LinearPlant
-from plants.loop import Feedback
+from plants.arguments import resolve
+from plants.linear.actuator import RamRate, Saturation
+from plants.linear.loop import Feedback
+from plants.linear.plant import LinearPlant
 from plants.plant import Injection
 
 NAME = "aeroelastic"
@@ -76,7 +76,7 @@ def _feedback(values: Mapping[str, float], surfaces: Sequence[str], gyro: int) -
 class ModalAircraft(LinearPlant):
     """The aircraft as it is flown; its outputs are the sensors, the gyro in closed loop, and the measured positions.
 
-    Settings: "plant", from commands to sensors and gyro (the controller sees the gyro; without it no predictor from the
+    Views: "plant", from commands to sensors and gyro (the controller sees the gyro; without it no predictor from the
     commands would be right in closed loop); "position", from measured positions to sensors, the seed's case: noise on the
     input, correlated with that on the outputs; in closed loop "input_response" and "setpoint_response" as well.
     The limits of travel and rate act on what the servos are told; what a gust pushes a surface comes on top.
@@ -84,21 +84,21 @@ class ModalAircraft(LinearPlant):
 
     @cached_property
     def injections(self) -> dict[str, Injection]:
-        """Those of a linear plant, the plant input first, with the settings' outputs sorted out."""
+        """Those of a linear plant, the plant input first, with the views' outputs sorted out."""
         surfaces, names = len(self.inputs), tuple(c.name for c in self.outputs)
         sensors = tuple(c.name for c in self.outputs if c in SENSORS)
         found = {}
         for place, entry in sorted(super().injections.items()):
-            settings = {key: replace(roles, outputs=names[:-surfaces]) for key, roles in entry.settings.items()}
-            settings["plant"] = replace(settings["plant"], inputs=tuple(c.name for c in self.inputs))
-            settings["position"] = Roles(
+            views = {key: replace(roles, outputs=names[:-surfaces]) for key, roles in entry.views.items()}
+            views["plant"] = replace(views["plant"], inputs=tuple(c.name for c in self.inputs))
+            views["position"] = Roles(
                 names[-surfaces:], sensors, tuple(c.name for c in entry.channels), closed=self.feedback is not None
             )
-            found[place] = replace(entry, settings=settings)
+            found[place] = replace(entry, views=views)
         return found
 
-    def _truth(self, setting: str, levels: Mapping[str, float]) -> Truth:
-        """Return the truth of a setting; that of "position" is derived here.
+    def _truth(self, view: str, levels: Mapping[str, float]) -> Truth:
+        """Return the truth of a view; that of "position" is derived here.
 
         Between samples a surface moves as its servo does, so that samples of its position do not hold all that moves the
         structure. Yet they tell the command: without noise x+ = A x + B v, d = S x, so that d(k+1) gives v(k), and
@@ -112,9 +112,9 @@ class ModalAircraft(LinearPlant):
         accelerometers' response from 3 to 35 Hz. There is no K: the gust enters input and output alike, so that a predictor
         of y from measured positions would see the noise twice.
         """
-        if setting != "position":
-            return super()._truth(setting, levels)
-        roles = next(iter(self.injections.values())).settings[setting]
+        if view != "position":
+            return super()._truth(view, levels)
+        roles = next(iter(self.injections.values())).views[view]
         surfaces, sensors = len(roles.inputs), len(roles.outputs)
         n = len(self.dynamics.A) - self.dynamics.noise_states - (self.feedback is not None)  # without gust and roll
         A, B, C = self.dynamics.A[:n, :n], self.dynamics.B[:n], self.dynamics.C[:sensors, :n]

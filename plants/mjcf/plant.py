@@ -9,14 +9,14 @@ import mujoco
 import numpy as np
 
 from excite.errors import ExciteError, SimulationStopped, placed
+from excite.models.state_space import StateSpaceModel
 from excite.types.channel import Channel
-from excite.types.models import StateSpaceModel
 from excite.types.truth import Truth
-from plants.actuator import Saturation
-from plants.described import channels_of, feedback_of, is_there, limits_of, matrix_of, plain
-from plants.given import number, resolve
-from plants.linear import LinearPlant, draw
-from plants.loop import DIVERGED, Dynamics, Feedback
+from plants.arguments import number, resolve
+from plants.linear.actuator import Saturation
+from plants.linear.described import channels_of, feedback_of, is_there, limits_of, matrix_of, plain
+from plants.linear.loop import DIVERGED, Dynamics, Feedback
+from plants.linear.plant import LinearPlant, draw
 from plants.mjcf.loading import load_model
 from plants.mjcf.truth import CONTROL, Trim, direct, find_trim, linearise, sensor_channels, sensor_names, state_names
 from plants.plant import NONE, Parameter
@@ -58,8 +58,8 @@ class Mjcf(LinearPlant):
     trim: Trim | None = None
     steps: int = 1
 
-    def _truth(self, setting: str, levels: Mapping[str, float]) -> Truth:
-        truth = super()._truth(setting, levels)
+    def _truth(self, view: str, levels: Mapping[str, float]) -> Truth:
+        truth = super()._truth(view, levels)
         valid = f"small motions about {self.trim.name}; the linearisation of MuJoCo's own step by central differences"
         return replace(truth, kind="linearised", valid_amplitude=valid)
 

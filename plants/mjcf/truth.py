@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from excite import lti
 from excite.errors import ExciteError
-from plants.loop import Dynamics
+from excite.numerics.simulate import observability
+from plants.linear.loop import Dynamics
 
 RESTS = 1e-3  # of every state's rate, in the model's units: an equilibrium given with six digits passes
 EPSILON = 1e-6  # of the central differences
@@ -81,7 +81,7 @@ def linearise(model: mujoco.MjModel, trim: Trim, steps: int) -> Dynamics:
     A, B, C, D = np.zeros((n, n)), np.zeros((n, nu)), np.zeros((ns, n)), np.zeros((ns, nu))
     mujoco.mjd_transitionFD(model, data, EPSILON, True, A, B, C, D)
     D[~direct(model)] = 0.0
-    powers = lti.observability(A, np.eye(n), steps)
+    powers = observability(A, np.eye(n), steps)
     A, B = A @ powers[-1], powers.sum(0) @ B
     if trim.full:
         C, D = np.vstack([C, np.eye(n)]), np.vstack([D, np.zeros((n, nu))])

@@ -43,13 +43,13 @@ def _frames(recording: Recording, times_s: np.ndarray, width: int, height: int) 
     MuJoCo chooses its graphics library once, by the environment, when it is first imported, and a missing or broken one
     may take the process down.
     """
-    if recording.source.get("plant") != "quadrotor":
-        raise ExciteError(f"picture: the recording is of {recording.source.get('plant')!r}; pass one of the quadrotor")
+    if recording.origin.plant != "quadrotor":
+        raise ExciteError(f"picture: the recording is of {recording.origin.plant!r}; pass one of the quadrotor")
     rows = np.clip(np.searchsorted(recording.time_s, times_s), 0, len(recording.time_s) - 1)
     asked = os.environ.get("MUJOCO_GL")
     with tempfile.TemporaryDirectory() as folder:
         flight, frames = Path(folder) / "flight.npz", Path(folder) / "frames.npy"
-        names, values = zip(*recording.source["parameters"].items(), strict=True)
+        names, values = zip(*recording.origin.parameters.items(), strict=True)
         np.savez(flight, names=names, values=values, poses=recording.columns(POSE)[rows], size=(width, height))
         reasons = []
         for backend in (asked,) if asked else BACKENDS:

@@ -7,11 +7,13 @@ import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import Channel
-from excite.types.recording import Loop, Recording, Roles
+from excite.types.loop import Loop
+from excite.types.origin import Origin
+from excite.types.recording import Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from plants.given import check_limits, held, injection_of, noise_levels, resolve, seed_of
-from plants.plant import Injection, settings_of
+from plants.arguments import check_limits, held, injection_of, noise_levels, resolve, seed_of
+from plants.plant import Injection, views_of
 from plants.quadrotor import truth as linear
 from plants.quadrotor.airframe import build_model
 from plants.quadrotor.controller import ATTITUDE_DT, FRAME, RATE_DT
@@ -58,7 +60,7 @@ class Quadrotor:
 
     f is the thrust map of the fresh battery; a sagging one gives less. Position, quaternion and altitude are true.
 
-    Settings: "rates", thrust differences to body rates, in closed loop, at every injection; "attitude", set-points to
+    Views: "rates", thrust differences to body rates, in closed loop, at every injection; "attitude", set-points to
     roll, pitch and yaw rate every 4 ms, and "telemetry", the same as the vehicle's 100 Hz log has it; "rate_response" and
     "motor_response", what is added to rate set-points or motor commands to body rates, every 4 ms, the loops closed.
 
@@ -67,7 +69,7 @@ class Quadrotor:
     recording see them; "gust" is horizontal wind.
 
     A flight starts in hover, or with parameter `takeoff` on the ground: then the signal, preceded by zeros, begins at
-    `excitation_start_s` of the recording's source. A loop that is not internally stable is not flown; a flight that
+    `start_s` of the recording's origin. A loop that is not internally stable is not flown; a flight that
     tilts, spins or sinks too far stops with SimulationStopped.
     """
 
@@ -117,39 +119,38 @@ class Quadrotor:
             )
         self.model = build_model(self.values)
 
-    def truth(self, recording: Recording | None, setting: str) -> Truth:
-        """Return the small-signal model of a setting, with the parameters and noise levels of `recording`.
+    def truth(self, recording: Recording | None, view: str) -> Truth:
+        """Return the small-signal model of a view, with the parameters and noise levels of `recording`.
 
         Without a recording, this plant's parameters and the default noise levels are used.
         """
-        settings = settings_of(self)
-        if setting not in settings:
-            raise ExciteError(f"quadrotor setting '{setting}' does not exist; {did_you_mean(setting, settings)}")
-        source = {} if recording is None else recording.source
-        if recording is not None and source.get("plant") != self.name:
-            raise ExciteError(f"quadrotor truth: the recording is of {source.get('plant')!r}; pass one of this plant")
-        values = source.get("parameters", self.values)
+        views = views_of(self)
+        if view not in views:
+            raise ExciteError(f"quadrotor view '{view}' does not exist; {did_you_mean(view, views)}")
+        origin = None if recording is None else recording.origin
+        if origin is not None and origin.plant != self.name:
+            raise ExciteError(f"quadrotor truth: the recording is of {origin.plant!r}; pass one of this plant")
+        values = self.values if origin is None else origin.parameters
+        levels = noise_levels(self.name, self.noise_sources, True) if origin is None else origin.noise
         known = (*SET_POINTS, *RATES_ADDED, *MOTORS_ADDED, *LOGGED, *DERIVED, YAW_RATE)
-        roles, units = settings[setting], {c.name: c for c in known}
+        roles, units = views[view], {c.name: c for c in known}
         channels = ([units[name] for name in names] for names in (roles.inputs, roles.outputs))
-        return linear.truth(
-            setting, values, source.get("noise", noise_levels(self.name, self.noise_sources, True)), *channels
-        )
+        return linear.truth(view, values, levels, *channels)
 
-    def floor(self, recording: Recording, setting: str) -> dict[str, float]:
+    def floor(self, recording: Recording, view: str) -> dict[str, float]:
         """Return the linearisation floor of an experiment: fit [%] of the truth's simulation to its noise-free twin.
 
         The twin is flown anew; both start from trim at the start of the excitation. No linear model can be expected to do
         much better.
         """
-        source = recording.source
-        names = _names(self.injections[source["inject"]].channels)
-        first = round(source["excitation_start_s"] / self.dt)
+        origin = recording.origin
+        names = _names(self.injections[origin.inject].channels)
+        first = round(origin.start_s / self.dt)
         signal = Signal(recording.columns(names)[first::FRAME], ATTITUDE_DT)
-        plant = Quadrotor(source["preset"], source["parameters"])
-        twin = plant.run(signal, inject=source["inject"], noise=False).experiment(setting)
-        twin = twin.window(int(np.searchsorted(twin.time_s, source["excitation_start_s"] - self.dt / 2)))
-        error = twin.y - plant.truth(recording, setting).model.simulate(twin.u)
+        plant = Quadrotor(origin.preset, origin.parameters)
+        twin = plant.run(signal, inject=origin.inject, noise=False).experiment(view)
+        twin = twin.window(int(np.searchsorted(twin.time_s, origin.start_s - self.dt / 2)))
+        error = twin.y - plant.truth(recording, view).model.simulate(twin.u)
         size = np.linalg.norm(twin.y - twin.y.mean(0), axis=0)
         fits = 100.0 * (1.0 - np.linalg.norm(error, axis=0) / np.where(size > 0, size, np.nan))
         return {channel.name: float(fit) for channel, fit in zip(twin.outputs, fits, strict=True)}
@@ -215,17 +216,12 @@ class Quadrotor:
             values=np.hstack([played.u, log, forces @ SIGNS.T, yaw_rate]),
             channels=(*place.channels, *LOGGED, *DERIVED, YAW_RATE),
             dt=self.dt,
-            settings=place.settings,
+            views=place.views,
             default="rates",
             period=None if signal.period is None else int(signal.period) * round(signal.dt / self.dt),
-            loop=Loop(closed=True, entry="plant input" if played.inject == "motor_command" else "set-point"),
-            source={
-                "plant": self.name,
-                "preset": self.preset,
-                "parameters": dict(self.values),
-                "inject": played.inject,
-                "noise": dict(levels),
-                "seed": seed,
-                "excitation_start_s": played.takeoff * self.dt,
-            },
+            loop=Loop("closed", entry="plant input" if played.inject == "motor_command" else "set-point"),
+            origin=Origin(
+                self.name, self.preset, self.values, played.inject, levels, seed, start_s=played.takeoff * self.dt
+            ),
+            level="zero",
         )

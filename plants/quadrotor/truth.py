@@ -1,4 +1,4 @@
-"""The quadrotor's small-signal truth for every setting, and whether its loops are internally stable."""
+"""The quadrotor's small-signal truth for every view, and whether its loops are internally stable."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,8 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
+from excite.models.state_space import StateSpaceModel
 from excite.types.channel import Channel
-from excite.types.models import StateSpaceModel
 from excite.types.truth import Truth
 from plants.noise import steady_kalman
 from plants.quadrotor.axes import Block, altitude_poles, axes, closed_axis, open_axis
@@ -35,13 +35,13 @@ VALID = {
 
 
 def truth(
-    setting: str,
+    view: str,
     values: Mapping[str, float],
     noise: Mapping[str, float],
     inputs: Sequence[Channel],
     outputs: Sequence[Channel],
 ) -> Truth:
-    """Return the truth of a setting for parameter values and noise standard deviations.
+    """Return the truth of a view for parameter values and noise standard deviations.
 
     "rates": commanded thrust differences to body rates, 6 states at 2 ms. The others hold with all loops closed, lifted
     over the two steps of a 4 ms frame, 11 states with the parameters of 2013; "attitude": set-points to roll, pitch and yaw
@@ -56,18 +56,18 @@ def truth(
     K and innovation_cov belong to the Kalman filter that starts from the exactly known trim. In "attitude" the
     integrators of roll and pitch are driven by nothing but the recorded set-points and measurements, so nothing
     corrects them and A - K C has an eigenvalue at exactly 1 for each (and near 1 for yaw rate): integral action puts
-    a zero of the noise model at z = 1. Predict that setting from the start of a flight, where the state is zero.
+    a zero of the noise model at z = 1. Predict that view from the start of a flight, where the state is zero.
     """
-    build, dt = (open_axis, RATE_DT) if setting == "rates" else (closed_axis, ATTITUDE_DT)
+    build, dt = (open_axis, RATE_DT) if view == "rates" else (closed_axis, ATTITUDE_DT)
     blocks = [build(axis, values, noise) for axis in axes(values)]
     A, G = (la.block_diag(*(getattr(block, name) for block in blocks)) for name in "AG")
-    output = 0 if setting in ("rates", "attitude", "telemetry") else 1
+    output = 0 if view in ("rates", "attitude", "telemetry") else 1
     C, H = (la.block_diag(*(getattr(block, name)[[output]] for block in blocks)) for name in "CH")
-    entry = {"rate_response": 1, "motor_response": 2}.get(setting, 0)
+    entry = {"rate_response": 1, "motor_response": 2}.get(view, 0)
     B = la.block_diag(*(block.B[:, [entry]] for block in blocks))
-    if setting == "motor_response":
+    if view == "motor_response":
         B = B @ (thrust_map(values).slope(hover_command(values)) * SIGNS)
-    if setting == "telemetry":
+    if view == "telemetry":
         A, B, dt, K, innovation_cov = *_at_telemetry(A, B), TELEMETRY_DT, None, None
     else:
         K, innovation_cov = steady_kalman(A, G, C, H)
@@ -78,15 +78,15 @@ def truth(
         parameters[f"{axis.name}_thrust_per_unit"] = (axis.thrust_per_unit, "N")
     if K is not None:
         parameters["predictor_spectral_radius"] = (float(abs(la.eigvals(A - K @ C)).max()), "1")
-    kind = "periodically time-varying" if setting == "telemetry" else "linearised"
+    kind = "periodically time-varying" if view == "telemetry" else "linearised"
     poles = np.concatenate([_own_poles(block) for block in blocks]) ** (
-        dt / (RATE_DT if setting == "rates" else ATTITUDE_DT)
+        dt / (RATE_DT if view == "rates" else ATTITUDE_DT)
     )
-    return Truth(model, kind, parameters, VALID[setting], poles, _accuracy(setting, values))
+    return Truth(model, kind, parameters, VALID[view], poles, _accuracy(view, values))
 
 
-def _accuracy(setting: str, values: Mapping[str, float]) -> float:
-    if setting == "telemetry" and values["estimator_kp"] > 0:
+def _accuracy(view: str, values: Mapping[str, float]) -> float:
+    if view == "telemetry" and values["estimator_kp"] > 0:
         return REPEATING
     return SAGGING if Battery.sags(values) else Truth.accuracy
 
@@ -103,8 +103,8 @@ def _at_telemetry(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     root = la.fractional_matrix_power(A, 2.5)
     if np.iscomplexobj(root) and np.abs(root.imag).max() > 1e-9 * np.abs(root).max():
         raise ExciteError(
-            "quadrotor setting 'telemetry': the loop has a pole on the negative real axis, so no model at 10 ms is right at "
-            "every second sample; use setting 'attitude', or a longer motor_tau"
+            "quadrotor view 'telemetry': the loop has a pole on the negative real axis, so no model at 10 ms is right at "
+            "every second sample; use view 'attitude', or a longer motor_tau"
         )
     A10 = np.real(root)
     return A10, la.solve(A10 + np.eye(len(A)), sum(powers) @ B)

@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from excite import lti
 from excite.errors import ExciteError, placed
 from excite.generators import log_times
-from excite.networks import cauer_to_foster, foster_to_cauer, response
+from excite.numerics.networks import cauer_to_foster, foster_to_cauer, response
+from excite.numerics.simulate import states
 from excite.types.channel import Channel
 from excite.types.recording import Recording
 from excite.types.signal import Signal
-from plants.actuator import actuate
-from plants.described import NONE, is_there
-from plants.given import check_limits, number, resolve
-from plants.linear import LinearPlant
-from plants.loop import Dynamics
+from plants.arguments import check_limits, number, resolve
+from plants.linear.actuator import actuate
+from plants.linear.described import NONE, is_there
+from plants.linear.loop import Dynamics
+from plants.linear.plant import LinearPlant
 from plants.noise import streams
 from plants.plant import Parameter
 
@@ -95,10 +95,10 @@ class ThermalLadder(LinearPlant):
             return super().run_many(signal, **options)
         begun = super().run_many(replace(signal, u=signal.u[:1], period=None), **options)
         check_limits(self.name, signal, self.injections["input"])
-        time_s, power, clean = self._logarithmic(signal, begun[0].source["noise"]["transient"])
+        time_s, power, clean = self._logarithmic(signal, begun[0].origin.noise["transient"])
         recordings = []
         for each in begun:
-            noises = streams(each.source["noise"], {"measurement": clean.shape[1]}, each.source["seed"], len(clean))
+            noises = streams(each.origin.noise, {"measurement": clean.shape[1]}, each.origin.seed, len(clean))
             recordings.append(
                 replace(each, time_s=time_s, values=np.hstack([power, clean + noises["measurement"]]), dt=None)
             )
@@ -107,7 +107,7 @@ class ThermalLadder(LinearPlant):
     def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: list[int]) -> tuple[np.ndarray, ...]:
         u, power, T = super()._play(reference, levels, seeds)
         settles = np.array([[-np.expm1(-self.dt / self.values()["transient_time"])]])
-        settled = lti.states(1 - settles, settles, power[0])
+        settled = states(1 - settles, settles, power[0])
         return u, power, T + levels["transient"] * (power[0] - settled) * self.by_voltage
 
     def _logarithmic(self, signal: Signal, transient: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

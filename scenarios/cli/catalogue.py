@@ -9,7 +9,7 @@ import click
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import listed
 from identify.method import METHODS, Method, method_class
-from plants.plant import PLANTS, Plant, load_plant, settings_of
+from plants.plant import PLANTS, Plant, load_plant, views_of
 from scenarios.cli.common import assignments, json_option, print_json, print_lines
 
 
@@ -42,11 +42,11 @@ def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], pl
 
 
 def draw_plant(plant: Plant, path: str) -> None:
-    """Draw the truth of every setting of a plant into a file."""
+    """Draw the truth of every view of a plant into a file."""
     from scenarios.report.plant_figure import plant_figure
     from scenarios.report.signal_figure import save_figure
 
-    save_figure(plant_figure(plant.name, {key: plant.truth(None, key) for key in settings_of(plant)}), path)
+    save_figure(plant_figure(plant.name, {key: plant.truth(None, key) for key in views_of(plant)}), path)
 
 
 def _plant_lines(name: str, d: dict) -> list[str]:
@@ -54,19 +54,19 @@ def _plant_lines(name: str, d: dict) -> list[str]:
     for key, place in d["injections"].items():
         lines.append(f"injection {key}: {place['note']}".rstrip(" :"))
         lines += [f"  {c['channel']:<24} {c['limits'][0]:g} to {c['limits'][1]:g}" for c in place["channels"]]
-        lines.append(f"  settings: {', '.join(place['settings'])}")
-    for key, setting in d["settings"].items():
+        lines.append(f"  views: {', '.join(place['views'])}")
+    for key, view in d["views"].items():
         lines.append(
-            f"setting {key}: {listed(setting['inputs'])} -> {listed(setting['outputs'])}, every "
-            f"{setting['dt'] * 1e3:g} ms, {'closed loop' if setting['closed'] else 'inputs free of feedback'}"
+            f"view {key}: {listed(view['inputs'])} -> {listed(view['outputs'])}, every "
+            f"{view['dt'] * 1e3:g} ms, {'closed loop' if view['closed'] else 'inputs free of feedback'}"
         )
         poles = ", ".join(
             f"{p['f_hz'] * 2 * math.pi:.3g} rad/s" + ("" if p["zeta"] is None else f" ({p['zeta']:.2g})")
-            for p in setting["poles"]
+            for p in view["poles"]
             if p["im"] >= 0
         )
-        lines.append(f"  truth ({setting['truth']}), natural frequency (damping): {poles or 'no poles'}")
-        lines.append(f"  valid: {setting['valid_amplitude']}")
+        lines.append(f"  truth ({view['truth']}), natural frequency (damping): {poles or 'no poles'}")
+        lines.append(f"  valid: {view['valid_amplitude']}")
     for title in ("parameters", "noise"):
         lines.append(f"{title}:" if d[title] else f"{title}: none")
         lines += [f"  {k:<23} {_value(p['value']):<12} {p['unit']:<10} {p['source']}" for k, p in d[title].items()]
@@ -78,14 +78,14 @@ def _value(value: Any) -> str:
 
 
 def _plant(plant: Plant, whole: bool) -> dict:
-    from identify.model_json import pole_to_dict
+    from identify.estimate_json import pole_to_dict
 
     if not whole:
         return {"description": plant.description}
-    settings = {}
-    for key, roles in settings_of(plant).items():
+    views = {}
+    for key, roles in views_of(plant).items():
         truth = plant.truth(None, key)
-        settings[key] = {
+        views[key] = {
             "inputs": [str(c) for c in truth.model.inputs],
             "outputs": [str(c) for c in truth.model.outputs],
             "reference": roles.reference,
@@ -101,14 +101,14 @@ def _plant(plant: Plant, whole: bool) -> dict:
         "injections": {
             key: {
                 "note": place.note,
-                "settings": list(place.settings),
+                "views": list(place.views),
                 "channels": [
                     {"channel": str(c), "limits": l} for c, l in zip(place.channels, place.limits, strict=True)
                 ],
             }
             for key, place in plant.injections.items()
         },
-        "settings": settings,
+        "views": views,
         "parameters": {k: vars(p) for k, p in plant.parameters.items()},
         "noise": {k: vars(p) for k, p in plant.noise_sources.items()},
     }
@@ -159,7 +159,7 @@ def scenarios(name: str | None, as_json: bool) -> int:
     """List the shipped scenarios, or print one as a starting point for your own."""
     import tomllib
 
-    from scenarios.spec import shipped
+    from scenarios.scenario.spec import shipped
 
     known = shipped()
     if name is not None and name not in known:

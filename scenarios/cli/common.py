@@ -13,7 +13,7 @@ import click
 from excite.errors import ExciteError
 from excite.files import load_experiment
 from excite.types.experiment import Experiment
-from identify.model_json import plain
+from identify.estimate_json import plain
 
 MOST_ORDERS = 1000
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one strict JSON object instead of text.")
@@ -26,11 +26,17 @@ DATA_OPTIONS = (
     click.option("--reference", metavar="COLUMNS", help="Reference columns."),
     click.option("--dt", type=float, metavar="SECONDS", help="Sampling time of a file without a time column."),
     click.option("--time", metavar="COLUMN", help="Time column, in seconds."),
-    click.option("--setting", metavar="NAME", help="Which setting of one of our own recordings."),
+    click.option("--view", metavar="NAME", help="Which view of one of our own recordings."),
+    click.option("--setting", hidden=True, expose_value=False, callback=lambda _, __, value: _renamed(value)),
     click.option(
         "--decimate", type=click.IntRange(1), default=1, show_default=True, help="Keep each N-th sample (no filter)."
     ),
 )
+
+
+def _renamed(value: str | None) -> None:
+    if value is not None:
+        raise ExciteError(f"--setting {value}: is called --view now; write --view {value}")
 
 
 def data_options(command: Callable) -> Callable:
@@ -65,12 +71,12 @@ def read_experiment(
     reference: str | None,
     dt: float | None,
     time: str | None,
-    setting: str | None,
+    view: str | None,
     decimate: int,
 ) -> Experiment:
     """Load one experiment with the values of `data_options`."""
     experiment = load_experiment(
-        path, columns(inputs), columns(outputs), columns(reference), dt=dt, time=one_column(time), setting=setting
+        path, columns(inputs), columns(outputs), columns(reference), dt=dt, time=one_column(time), view=view
     )
     return experiment.decimate(decimate)
 

@@ -39,10 +39,10 @@ def compare(
     **reading: object,
 ) -> int:
     """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
+    from identify.estimate_json import estimate_to_dict
     from identify.method import load_method, method_class
-    from identify.model_json import estimate_to_dict
     from identify.score import score
-    from scenarios.store import write_json
+    from scenarios.run.store import write_json
 
     names, wanted, options = (
         [m.strip() for m in methods.split(",")],

@@ -9,12 +9,12 @@ import click
 from excite import files
 from excite.errors import ExciteError, did_you_mean, placed
 from excite.generators import GENERATORS
-from excite.proposal import KINDS, Knowledge, knowledge_of
-from excite.proposal import propose as propose_design
+from excite.proposal.proposal import KINDS, Knowledge, knowledge_of
+from excite.proposal.proposal import propose as propose_design
 from scenarios.cli.common import json_option, new_file, print_json, print_lines, toml_value
 from scenarios.cli.playing import Played, limits_option, plot_later, plot_option, prepare, read_toml
-from scenarios.spec import play, read_excitation
-from scenarios.toml_table import TomlTable, at_least
+from scenarios.scenario.spec import play, read_excitation
+from scenarios.scenario.toml_table import TomlTable, at_least
 
 
 class Generators(click.Group):
@@ -72,7 +72,7 @@ def _write(out: str, played: Played, as_json: bool, more: dict, lines: list[str]
     if as_json:
         print_json({"schema_version": 1, "file": out, **more, **played.to_dict()})
         return
-    kind = signal.recipe.get("kind", "signal")
+    kind = "signal" if signal.recipe is None else signal.recipe.kind
     print_lines([f"{out}: {kind}, {len(signal.u)} samples of {signal.dt:g} s, {len(signal.channels)} channels"])
     print_lines([*lines, *played.lines()])
 
@@ -105,7 +105,7 @@ def propose(
     """Propose a signal from what is known of the plant, say why, and write it."""
     new_file(out)
     if model is not None:
-        from identify.model_json import load_estimate
+        from identify.estimate_json import load_estimate
 
         known = knowledge_of(load_estimate(model).model.to_state_space(), limit)
     elif bandwidth_hz is None or settling_s is None:

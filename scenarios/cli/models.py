@@ -38,11 +38,11 @@ def identify(
     **reading: object,
 ) -> int:
     """Identify a model from one or several data FILEs (several: one estimate from all of them)."""
+    from identify.estimate_json import estimate_to_dict
     from identify.method import load_method
-    from identify.model_json import estimate_to_dict
     from identify.score import score as score_estimate
     from scenarios.report.text import estimate_text
-    from scenarios.store import write_json
+    from scenarios.run.store import write_json
 
     if out is not None:
         new_file(out, *file)
@@ -82,7 +82,7 @@ def identify(
 @json_option
 def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -> int:
     """Score MODEL (from `excite identify -o`) on the data in FILE."""
-    from identify.model_json import load_estimate
+    from identify.estimate_json import load_estimate
     from identify.score import METRICS
     from identify.score import score as score_estimate
 
@@ -114,15 +114,15 @@ def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
 
     with placed("--truth auto"):
         recording = load_recording(file)
-    setting = reading["setting"] or recording.default
+    view = reading["view"] or recording.default
     given = [f"--{key}" for key in ("inputs", "outputs", "reference", "dt", "time") if reading[key] is not None]
     if given:
-        raise ExciteError(f"--truth auto: the truth is that of a recorded setting; drop {', '.join(given)}, or --truth")
-    if "plant" not in recording.source or setting is None:
+        raise ExciteError(f"--truth auto: the truth is that of a recorded view; drop {', '.join(given)}, or --truth")
+    if recording.origin.plant is None or view is None:
         raise ExciteError(
-            f"{file}: does not say which plant and setting it comes from, so there is no truth; drop --truth"
+            f"{file}: does not say which plant and view it comes from, so there is no truth; drop --truth"
         )
-    source = recording.source
-    plant = load_plant(source["plant"], preset=source.get("preset"), parameters=source.get("parameters"))
-    truth = plant.truth(recording, setting)
+    origin = recording.origin
+    plant = load_plant(origin.plant, preset=origin.preset, parameters=origin.parameters)
+    truth = plant.truth(recording, view)
     return truth.lift(round(experiment.dt / truth.model.dt))

@@ -4,7 +4,7 @@ import click
 import numpy as np
 
 from excite.errors import ExciteError, placed
-from identify.orders import OrderTable
+from identify.orders.orders import OrderTable
 from scenarios.cli.common import (
     assignments,
     data_options,
@@ -40,7 +40,7 @@ def orders(
 ) -> int:
     """Say what speaks for each order: singular-value gap, information criteria, poles that stay from order to order."""
     from identify.method import load_method
-    from identify.orders import order_table
+    from identify.orders.orders import order_table
 
     if plot is not None:
         new_file(plot, *file)

@@ -9,9 +9,9 @@ import click
 
 from excite import files
 from excite.errors import DesignRefused, ExciteError, placed
-from excite.limits import Limits, check
-from excite.persistency import Certificate, certify
-from excite.shaping import Shaped, shape
+from excite.limits.limits import Limits, check
+from excite.limits.shaping import Shaped, shape
+from excite.persistency.certificate import Certificate, certify
 from excite.types.signal import Signal
 from scenarios.cli.common import new_file
 
@@ -37,7 +37,7 @@ def read_toml(path: str) -> dict:
 
 
 def read_limits(path: str) -> Limits:
-    """Read a TOML file with the fields of `excite.limits.Limits`."""
+    """Read a TOML file with the fields of `excite.limits.limits.Limits`."""
     table = read_toml(path)
     with placed(path):
         return Limits.from_dict(table)
@@ -65,7 +65,10 @@ class Played:
 
     def to_dict(self) -> dict:
         """Plain values for JSON."""
-        parts = {"recipe": dict(self.signal.recipe), "certificate": self.certificate.to_dict()}
+        parts = {
+            "recipe": self.signal.recipe and self.signal.recipe.to_dict(),
+            "certificate": self.certificate.to_dict(),
+        }
         return parts if self.shaped is None else {**parts, "shaping": self.shaped.to_dict()}
 
     def lines(self) -> list[str]:

@@ -21,13 +21,13 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
 
     A run that was interrupted goes on where it was when the same command is given again; --runs may change between.
     """
-    from scenarios.pipeline import run_scenario, to_json
     from scenarios.report.drawing import to_svg
     from scenarios.report.figures import all_figures
     from scenarios.report.page import write_report
     from scenarios.report.text import summary_text
-    from scenarios.spec import load_scenario
-    from scenarios.store import write_text
+    from scenarios.run.pipeline import run_scenario, to_json
+    from scenarios.run.store import write_text
+    from scenarios.scenario.spec import load_scenario
 
     checked = load_scenario(scenario, runs)
     target = Path("runs") / checked.name if folder is None else Path(folder)

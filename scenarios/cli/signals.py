@@ -7,9 +7,9 @@ import click
 
 from excite import files
 from excite.errors import ExciteError, did_you_mean
-from excite.information import information
-from excite.limits import check as check_limits
-from excite.persistency import certify, verdict
+from excite.limits.limits import check as check_limits
+from excite.persistency.certificate import certify, verdict
+from excite.persistency.regressors import information
 from identify.method import Method, load_method, method_class
 from scenarios.cli.common import (
     assignments,
@@ -185,6 +185,6 @@ def simulate(
         from plants.quadrotor.picture import clip as film
 
         film(recording, clip)
-    names = ", ".join(recording.settings)
-    click.echo(f"{out}: {len(recording.values)} samples, {len(recording.channels)} channels; settings: {names}")
+    names = ", ".join(recording.views)
+    click.echo(f"{out}: {len(recording.values)} samples, {len(recording.channels)} channels; views: {names}")
     return 0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.results import SettingResult
+from scenarios.run.results import ViewResult
 
 NONE = "–"
 HORIZON = re.compile(r"fit_(clean_)?(\d+)_step")
@@ -54,16 +54,16 @@ SHORT = {
 }
 
 
-def columns_of(setting: SettingResult, compact: bool = False) -> tuple[list[Column], list[str]]:
-    """Return the columns of a setting, its further prediction horizons among them, and their headers.
+def columns_of(view: ViewResult, compact: bool = False) -> tuple[list[Column], list[str]]:
+    """Return the columns of a view, its further prediction horizons among them, and their headers.
 
     compact : only those that fit a terminal, under short headers.
     """
-    metrics = {m for row in setting.rows for s in row.scores for m in s.values}
+    metrics = {m for row in view.rows for s in row.scores for m in s.values}
     found = sorted((int(m[2]), m[1] or "", m[0]) for name in metrics if (m := HORIZON.fullmatch(name)))
     columns, shorts = list(COLUMNS), dict(SHORT)
     for steps, clean, metric in found:
-        ahead = f"{steps * setting.dt * 1e3:.4g} ms"
+        ahead = f"{steps * view.dt * 1e3:.4g} ms"
         columns.append(
             Column(metric, f"fit {ahead} ahead{', noise-free' * bool(clean)} [%]", decimals=2, compact=bool(clean))
         )

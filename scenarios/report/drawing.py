@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from excite.types.signal import Signal
-from scenarios.results import SettingResult
+from scenarios.run.results import ViewResult
 
 Colours = Mapping[str, str]
 Draw = TypeVar("Draw", bound=Callable[..., Figure | None])
@@ -82,9 +82,9 @@ def colours(methods: Iterable[str]) -> dict[str, str]:
     return {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(sorted(set(methods)))}
 
 
-def palette_of(setting: SettingResult) -> dict[str, str]:
-    """Return the colours of one setting's methods, for a figure drawn on its own."""
-    return colours(row.method for row in setting.rows)
+def palette_of(view: ViewResult) -> dict[str, str]:
+    """Return the colours of one view's methods, for a figure drawn on its own."""
+    return colours(row.method for row in view.rows)
 
 
 def plain(text: object, longest: int = 48) -> str:

@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from excite.models.model import Model
 from excite.types.experiment import Experiment
-from excite.types.models import Model
 from excite.types.signal import Signal
-from identify.ground.initial_state import initial_state
+from identify.steps.initial_state import initial_state
 from scenarios.report.columns import number
 from scenarios.report.drawing import (
     FEWEST,
@@ -34,16 +34,16 @@ from scenarios.report.drawing import (
 )
 from scenarios.report.model_figures import bode, poles
 from scenarios.report.rows import best_rows, first_estimate, spread
-from scenarios.results import Row, RunResult, SettingResult
+from scenarios.run.results import Row, RunResult, ViewResult
 
 MOST_CHANNELS, MOST_ROWS = 6, 24
 
 
 def stems(result: RunResult) -> tuple[str, ...]:
-    """Return a distinct, file-safe name for each setting."""
+    """Return a distinct, file-safe name for each view."""
     names: list[str] = []
-    for setting in result.settings:
-        base = name = re.sub(r"[^A-Za-z0-9_-]+", "_", setting.spec.name)[:60] or "setting"
+    for view in result.views:
+        base = name = re.sub(r"[^A-Za-z0-9_-]+", "_", view.spec.name)[:60] or "view"
         count = 2
         while name.casefold() in [n.casefold() for n in names]:
             name, count = f"{base}_{count}", count + 1
@@ -52,12 +52,12 @@ def stems(result: RunResult) -> tuple[str, ...]:
 
 
 def all_figures(result: RunResult) -> dict[str, Figure]:
-    """Return every figure of a run that its data allow, by file stem: "excitation", "<setting>-poles", …"""
-    palette = colours(row.method for setting in result.settings for row in setting.rows)
+    """Return every figure of a run that its data allow, by file stem: "excitation", "<view>-poles", …"""
+    palette = colours(row.method for view in result.views for row in view.rows)
     figures = {"excitation": excitation(result.signal)}
-    for stem, setting in zip(stems(result), result.settings, strict=True):
-        for name, draw in SETTING_FIGURES.items():
-            if (figure := draw(setting, palette)) is not None:
+    for stem, view in zip(stems(result), result.views, strict=True):
+        for name, draw in VIEW_FIGURES.items():
+            if (figure := draw(view, palette)) is not None:
                 figures[f"{stem}-{name}"] = figure
     return figures
 
@@ -105,14 +105,14 @@ def excitation(signal: Signal) -> Figure:
 
 
 @styled
-def ranking(setting: SettingResult, palette: Colours | None = None) -> Figure | None:
+def ranking(view: ViewResult, palette: Colours | None = None) -> Figure | None:
     """Return pole and frequency-response error of every row, best first: median, quartiles and the single runs."""
-    palette, rows = palette or palette_of(setting), setting.rows[:MOST_ROWS]
+    palette, rows = palette or palette_of(view), view.rows[:MOST_ROWS]
     metrics = {"pole_error_max": "worst pole error [%]", "frf_error_h2": "frequency-response error over the band [%]"}
     metrics = {m: text for m, text in metrics.items() if any(np.isfinite(spread(r, m)["median"]) for r in rows)}
     if not metrics:
         return None
-    figure = canvas(1.0 + 0.3 * len(rows), f"{setting.spec.name}: errors against the truth (median, quartiles, runs)")
+    figure = canvas(1.0 + 0.3 * len(rows), f"{view.spec.name}: errors against the truth (median, quartiles, runs)")
     axes = figure.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
     for axis, (metric, text) in zip(axes, metrics.items(), strict=True):
         _bars(axis, rows, metric, palette)
@@ -123,7 +123,7 @@ def ranking(setting: SettingResult, palette: Colours | None = None) -> Figure | 
 
 
 def _bars(axis: Axes, rows: Sequence[Row], metric: str, palette: Colours) -> None:
-    """Draw one metric in % on a logarithmic axis, a row of the setting on each line."""
+    """Draw one metric in % on a logarithmic axis, a row of the view on each line."""
     runs = [100 * np.array([s.values.get(metric, np.nan) for s in row.scores]) for row in rows]
     positive = np.concatenate([[*r, 100 * spread(row, metric)["median"]] for r, row in zip(runs, rows, strict=True)])
     positive = positive[np.isfinite(positive) & (positive > 0)]
@@ -146,13 +146,13 @@ def _bars(axis: Axes, rows: Sequence[Row], metric: str, palette: Colours) -> Non
 
 
 @styled
-def singular_values(setting: SettingResult, palette: Colours | None = None) -> Figure | None:
+def singular_values(view: ViewResult, palette: Colours | None = None) -> Figure | None:
     """Return the singular values of each method's first run, relative to the largest, with the order that was used."""
-    palette = palette or palette_of(setting)
-    rows = [row for row in best_rows(setting) if first_estimate(row).singular_values is not None]
+    palette = palette or palette_of(view)
+    rows = [row for row in best_rows(view) if first_estimate(row).singular_values is not None]
     if not rows:
         return None
-    figure = canvas(3.2, f"{setting.spec.name}: singular values (first run); the ring marks the order used")
+    figure = canvas(3.2, f"{view.spec.name}: singular values (first run); the ring marks the order used")
     axis = figure.subplots()
     longest = max(24, *(2 * row.order + 4 for row in rows))
     lowest = 1.0
@@ -164,8 +164,8 @@ def singular_values(setting: SettingResult, palette: Colours | None = None) -> F
         axis.plot(k, s, ".-", color=palette[row.method], ms=4, lw=0.9, label=plain(row.label))
         if row.order <= len(s):
             axis.plot(row.order, s[row.order - 1], "o", color=palette[row.method], mfc="none", ms=9, mew=1.5)
-    if setting.truth is not None:
-        axis.axvline(setting.truth.model.order + 0.5, color=TRUTH, lw=0.9, ls="--", label="order of the truth")
+    if view.truth is not None:
+        axis.axvline(view.truth.model.order + 0.5, color=TRUTH, lw=0.9, ls="--", label="order of the truth")
     log_scale(axis, "y", lowest / 2, 2)
     axis.set_xlim(0.5, longest + 0.5)
     axis.set(xlabel="index [–]", ylabel="singular value / largest [–]")
@@ -174,20 +174,20 @@ def singular_values(setting: SettingResult, palette: Colours | None = None) -> F
 
 
 @styled
-def outputs(setting: SettingResult, palette: Colours | None = None) -> Figure | None:
+def outputs(view: ViewResult, palette: Colours | None = None) -> Figure | None:
     """Return the noise-free validation run and its simulation by the best order of each method, with the errors.
 
     Simulated are the inputs of the noise-free run, since in closed loop those of the noisy one differ. Left a window,
     right the error over the whole run; the axes keep to the range of the data where a simulation diverges.
     """
-    palette = palette or palette_of(setting)
-    clean, measured = setting.clean, setting.validation
-    count, rows = min(clean.y.shape[1], MOST_CHANNELS), best_rows(setting)
-    shown = min(len(clean), max(round(WINDOW_S / setting.dt), FEWEST))
+    palette = palette or palette_of(view)
+    clean, measured = view.clean, view.validation
+    count, rows = min(clean.y.shape[1], MOST_CHANNELS), best_rows(view)
+    shown = min(len(clean), max(round(WINDOW_S / view.dt), FEWEST))
     left_out = f", first {count} of {clean.y.shape[1]} outputs" if count < clean.y.shape[1] else ""
     figure = canvas(
         1.1 + 1.55 * count,
-        f"{setting.spec.name}: simulation (unlimited horizon) of the noise-free validation run, first models{left_out}",
+        f"{view.spec.name}: simulation (unlimited horizon) of the noise-free validation run, first models{left_out}",
     )
     axes = figure.subplots(count, 2, sharex="col", squeeze=False, width_ratios=(1.35, 1))
     points = MOST_POINTS_FIGURE // (count * (2 + 2 * len(rows)))
@@ -229,7 +229,7 @@ def _simulate(model: Model, experiment: Experiment) -> np.ndarray:
     return np.nan_to_num(yhat, nan=1e150, posinf=1e150, neginf=-1e150)
 
 
-SETTING_FIGURES: dict[str, Callable[[SettingResult, Colours], Figure | None]] = {
+VIEW_FIGURES: dict[str, Callable[[ViewResult, Colours], Figure | None]] = {
     "ranking": ranking,
     "poles": poles,
     "bode": bode,

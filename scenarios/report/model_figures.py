@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.types.models import Model
-from identify.metrics import INTEGRATOR, continuous_poles, default_band
+from excite.models.model import Model
+from identify.metrics.metrics import INTEGRATOR, continuous_poles, default_band
 from scenarios.report.drawing import (
     BAND,
     MOST_POINTS_FIGURE,
@@ -22,29 +22,29 @@ from scenarios.report.drawing import (
     styled,
 )
 from scenarios.report.rows import best_rows, first_estimate
-from scenarios.results import Row, SettingResult
+from scenarios.run.results import Row, ViewResult
 
 Range = tuple[float, float]
 
 
 @styled
-def poles(setting: SettingResult, palette: Colours | None = None) -> Figure | None:
+def poles(view: ViewResult, palette: Colours | None = None) -> Figure | None:
     """Return truth and estimates (all runs) in the s-plane, s = log(z) / dt, upper half; beside it the slow ones."""
-    palette, rows = palette or palette_of(setting), best_rows(setting)
-    if setting.truth is None and not rows:
+    palette, rows = palette or palette_of(view), best_rows(view)
+    if view.truth is None and not rows:
         return None
-    leading = first_estimate(rows[0]).model.poles() if setting.truth is None else setting.truth.poles
-    true = continuous_poles(leading, setting.dt)
-    views = {f"poles of {'the truth' if setting.truth is not None else rows[0].label}": _window(true, setting.dt)}
-    slow = _slow(true, setting.dt)
+    leading = first_estimate(rows[0]).model.poles() if view.truth is None else view.truth.poles
+    true = continuous_poles(leading, view.dt)
+    views = {f"poles of {'the truth' if view.truth is not None else rows[0].label}": _window(true, view.dt)}
+    slow = _slow(true, view.dt)
     if slow.size:
-        views["the slow ones"] = _window(slow, setting.dt, np.abs(true), room=0.5)
-    figure = canvas(4.2, f"{setting.spec.name}: poles in the s-plane (upper half), all runs")
+        views["the slow ones"] = _window(slow, view.dt, np.abs(true), room=0.5)
+    figure = canvas(4.2, f"{view.spec.name}: poles in the s-plane (upper half), all runs")
     axes = figure.subplots(1, len(views), squeeze=False)[0]
     found = {}
     for row in rows:
         of_runs = [e.model.poles() for e in row.estimates[:MOST_RUNS] if e is not None]
-        found[row] = _upper(continuous_poles(np.concatenate(of_runs), setting.dt))
+        found[row] = _upper(continuous_poles(np.concatenate(of_runs), view.dt))
     for axis, (name, (x, y)) in zip(axes, views.items(), strict=True):
         if (true.imag[(true.real > x[0]) & (true.imag < y[1])] > 0).any():
             _damping_lines(axis, x, y)
@@ -55,7 +55,7 @@ def poles(setting: SettingResult, palette: Colours | None = None) -> Figure | No
             outside += int((~inside).sum())
             colour, s = palette[row.method], s[inside]
             axis.plot(s.real, s.imag, "o", color=colour, ms=4.5, mew=0, alpha=0.6, label=plain(row.label))
-        if setting.truth is not None:
+        if view.truth is not None:
             axis.plot(_upper(true).real, _upper(true).imag, "x", color=TRUTH, ms=8, mew=1.4, label="truth")
         axis.set(xlim=x, ylim=y, xlabel="real part [rad/s]", ylabel="imaginary part [rad/s]")
         axis.axvline(0, color="#888888", lw=0.8)
@@ -114,27 +114,27 @@ def _damping_lines(axis: Axes, x: Range, y: Range) -> None:
 
 
 @styled
-def bode(setting: SettingResult, palette: Colours | None = None) -> Figure | None:
+def bode(view: ViewResult, palette: Colours | None = None) -> Figure | None:
     """Return the magnitudes of the input-output pairs (all up to 3 x 3, else the diagonal) above the relative error.
 
     Magnitudes are of the first run. The error is the spectral norm of the difference over that of the truth, median and
     quartiles over the runs; the band of the score is shaded.
     """
-    palette, rows = palette or palette_of(setting), best_rows(setting)
+    palette, rows = palette or palette_of(view), best_rows(view)
     if not rows:
         return None
     models = [first_estimate(row).model for row in rows]
-    truth = None if setting.truth is None else setting.truth.model
-    band = setting.band_hz or (None if truth is None else default_band(setting.truth.poles, setting.dt))
+    truth = None if view.truth is None else view.truth.model
+    band = view.band_hz or (None if truth is None else default_band(view.truth.poles, view.dt))
     pairs = _pairs(len(models[0].outputs), len(models[0].inputs))
-    nyquist = 0.5 / setting.dt
+    nyquist = 0.5 / view.dt
     low = band[0] / 2 if band else nyquist / 1000
     lines = sum(map(len, pairs)) * (len(rows) + 1) + 3 * len(rows)
     f = _frequencies([m for m in (truth, *models) if m is not None], low, nyquist, MOST_POINTS_FIGURE // lines)
     G = None if truth is None else truth.frf(f)
     responses = [model.frf(f) for model in models]
 
-    figure = canvas(0.9 + 1.55 * len(pairs) + (0 if G is None else 1.6), f"{setting.spec.name}: frequency response")
+    figure = canvas(0.9 + 1.55 * len(pairs) + (0 if G is None else 1.6), f"{view.spec.name}: frequency response")
     grid = figure.add_gridspec(len(pairs) + (G is not None), len(pairs[0]))
     for r, line in enumerate(pairs):
         limits = _decibel_limits(responses[0] if G is None else G, line)

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.orders import OrderTable, StablePole
+from identify.orders.orders import OrderTable, StablePole
 from scenarios.report.drawing import PALETTE, canvas, log_scale, plain, styled
 
 LOOKS = (

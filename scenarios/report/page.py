@@ -10,11 +10,12 @@ import tomli_w
 
 from excite.files.atomic import written
 from excite.types.channel import listed
+from excite.types.signal import Signal
 from scenarios.report.columns import LEGEND, NONE
-from scenarios.report.figures import SETTING_FIGURES, stems
+from scenarios.report.figures import VIEW_FIGURES, stems
 from scenarios.report.tables import certificate_text, expectations, ranking, true_poles
 from scenarios.report.verdict import summary
-from scenarios.results import RunResult, SettingResult
+from scenarios.run.results import RunResult, ViewResult
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1c2126; --soft: #59636e; --page: #f6f7f8; --card: #fff; --line: #dfe3e7;
@@ -83,8 +84,8 @@ def page(result: RunResult, figures: Mapping[str, str]) -> str:
     """Return the page as HTML."""
     name, names = result.scenario.name, stems(result)
     sections = [("summary", "Summary", _summary(result)), ("design", "Design", _design(result, figures))]
-    for stem, setting in zip(names, result.settings, strict=True):
-        sections.append((f"setting-{stem}", f"Setting {setting.spec.name}", _setting(setting, stem, figures)))
+    for stem, view in zip(names, result.views, strict=True):
+        sections.append((f"view-{stem}", f"View {view.spec.name}", _view(view, stem, figures)))
     if result.expectations:
         sections.append(("expectations", "Expectations", _expectations(result)))
     sections.append(("metrics", "What the metrics tell, and what they cannot", _legend()))
@@ -109,7 +110,7 @@ def _summary(result: RunResult) -> str:
     first, *others = summary(result)
     lead = ""
     for k, text in enumerate(others):
-        name = result.settings[k].spec.name if k < len(result.settings) else ""
+        name = result.views[k].spec.name if k < len(result.views) else ""
         lead += f"<p><strong>{escape(name)}</strong>{escape(text[len(name) :])}</p>"
     return f'<p>{escape(first)}</p><div class="lead">{lead}</div>'
 
@@ -118,47 +119,47 @@ def _design(result: RunResult, figures: Mapping[str, str]) -> str:
     html = _figure(figures, "excitation", "excitation", "Excitation of every channel over time, beside its spectrum")
     for warning in result.warnings:
         html += f'<p class="warning">{escape(warning)}</p>'
-    for setting in result.settings:
-        name = setting.spec.name
-        html += f"<h3>Design rule for {escape(name)}</h3>{_list(setting.horizons.notes)}"
+    for view in result.views:
+        name = view.spec.name
+        html += f"<h3>Design rule for {escape(name)}</h3>{_list(view.horizons.notes)}"
         if name in result.certificates:
-            judged = "reference" if setting.spec.roles.closed else "input"
+            judged = "reference" if view.spec.roles.closed else "input"
             html += f"<h3>Certificate of the {judged} for {escape(name)}</h3>"
             html += _list(certificate_text(result.certificates[name]))
     return html
 
 
-def _setting(setting: SettingResult, stem: str, figures: Mapping[str, str]) -> str:
-    roles, name = setting.spec.roles, setting.spec.name
+def _view(view: ViewResult, stem: str, figures: Mapping[str, str]) -> str:
+    roles, name = view.spec.roles, view.spec.name
     kind = (
         "in closed loop: the input depends on the output through feedback"
         if roles.closed
         else "inputs free of feedback"
     )
-    band = f", scored over {setting.band_hz[0]:.3g} to {setting.band_hz[1]:.3g} Hz" if setting.band_hz else ""
+    band = f", scored over {view.band_hz[0]:.3g} to {view.band_hz[1]:.3g} Hz" if view.band_hz else ""
     html = f"<p>From {escape(listed(roles.inputs))} to {escape(listed(roles.outputs))}, {kind}; "
-    html += f"sampled every {setting.dt * 1e3:.4g} ms{band}.</p>"
-    html += _ranking(setting)
-    if warnings := _warnings(setting):
+    html += f"sampled every {view.dt * 1e3:.4g} ms{band}.</p>"
+    html += _ranking(view)
+    if warnings := _warnings(view):
         html += f"<details><summary>Warnings of the methods ({len(warnings)})</summary>{_list(warnings)}</details>"
-    for key in SETTING_FIGURES:
-        html += _figure(figures, f"{stem}-{key}", key, f"{key.replace('-', ' ').capitalize()} in the setting {name}")
-    if setting.truth is not None:
-        valid = f"; {setting.truth.valid_amplitude}" if setting.truth.valid_amplitude else ""
-        html += _table(*true_poles(setting), f"Poles of the truth ({setting.truth.kind}{valid})")
-        if setting.truth.parameters:
-            rows = [[key, f"{value:.6g}", unit] for key, (value, unit) in setting.truth.parameters.items()]
+    for key in VIEW_FIGURES:
+        html += _figure(figures, f"{stem}-{key}", key, f"{key.replace('-', ' ').capitalize()} in the view {name}")
+    if view.truth is not None:
+        valid = f"; {view.truth.valid_amplitude}" if view.truth.valid_amplitude else ""
+        html += _table(*true_poles(view), f"Poles of the truth ({view.truth.kind}{valid})")
+        if view.truth.parameters:
+            rows = [[key, f"{value:.6g}", unit] for key, (value, unit) in view.truth.parameters.items()]
             table = _table(["parameter", "value", "unit"], rows, f"Parameters behind the truth of {name}")
             html += f"<details><summary>Parameters of the truth</summary>{table}</details>"
     return html
 
 
-def _ranking(setting: SettingResult) -> str:
+def _ranking(view: ViewResult) -> str:
     """Return the ranking as two tables that fit the page: errors against the truth, and fits to the validation data.
 
     A note stands below the method's name, where it cannot be overlooked.
     """
-    headers, rows = ranking(setting)
+    headers, rows = ranking(view)
     notes = [row[-1] if headers[-1] == "note" else "" for row in rows]
     fits = [k for k, header in enumerate(headers) if header.startswith(("fit", "below", "VAF"))]
     errors = [k for k in range(3, len(headers)) if k not in fits and headers[k] != "note"]
@@ -168,15 +169,15 @@ def _ranking(setting: SettingResult) -> str:
         if chosen:
             columns, shown = [0, 1, 2, *chosen], [notes[k] for k in kept]
             cells = [[rows[k][c] for c in columns] for k in kept]
-            caption = f"Setting {setting.spec.name}, best method first: {what}, medians over the runs"
+            caption = f"View {view.spec.name}, best method first: {what}, medians over the runs"
             html += _table([headers[c] for c in columns], cells, caption, lead=1, notes=shown)
     return html
 
 
-def _warnings(setting: SettingResult) -> list[str]:
+def _warnings(view: ViewResult) -> list[str]:
     """Distinct warnings of each row, with the number of runs that gave them."""
     counts: dict[str, int] = {}
-    for row in setting.rows:
+    for row in view.rows:
         for estimate in row.estimates:
             for warning in estimate.warnings if estimate is not None else ():
                 text = f"{row.label}: {warning}"
@@ -196,13 +197,18 @@ def _legend() -> str:
 
 def _made(result: RunResult) -> str:
     text = escape(tomli_w.dumps(dict(result.scenario.source)))
-    recipe = escape(", ".join(f"{key} = {value}" for key, value in result.signal.recipe.items()))
+    recipe = escape(_recipe(result.signal))
     runs = f"estimation runs share one excitation under different noise; seed {result.scenario.seed}"
     again = "The scenario below, saved as a TOML file and run again, gives the same numbers"
     return (
         f"<p>{again}: {escape(runs)}.</p><details><summary>Scenario (TOML)</summary><pre>{text}</pre></details>"
         f"<details><summary>Recipe of the excitation</summary><p>{recipe}</p></details>"
     )
+
+
+def _recipe(signal: Signal) -> str:
+    recipe = signal.recipe
+    return "" if recipe is None else ", ".join(f"{name} = {recipe[name]}" for name in recipe)
 
 
 def _figure(figures: Mapping[str, str], key: str, kind: str, alt: str) -> str:

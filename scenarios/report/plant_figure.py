@@ -1,4 +1,4 @@
-"""One plant on one page: step response, Bode diagram and poles of the truth of each setting."""
+"""One plant on one page: step response, Bode diagram and poles of the truth of each view."""
 
 from collections.abc import Mapping
 
@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from excite.types.truth import Truth
-from identify.metrics import INTEGRATOR, continuous_poles, default_band
+from identify.metrics.metrics import INTEGRATOR, continuous_poles, default_band
 from scenarios.report.drawing import PALETTE, TRUTH, canvas, log_scale, plain, styled
 
 MOST_PAIRS = 8  # input-output pairs drawn in one panel: those of largest gain
@@ -17,10 +17,10 @@ POINTS = 400
 
 @styled
 def plant_figure(name: str, truths: Mapping[str, Truth]) -> Figure:
-    """Return a row a setting: unit-step responses, magnitude, phase, poles in the s-plane."""
-    figure = canvas(0.6 + 2.6 * len(truths), f"{name}: truth of each setting")
+    """Return a row a view: unit-step responses, magnitude, phase, poles in the s-plane."""
+    figure = canvas(0.6 + 2.6 * len(truths), f"{name}: truth of each view")
     panels = figure.subplots(len(truths), 4, squeeze=False)
-    for (setting, truth), (step, magnitude, phase, poles) in zip(truths.items(), panels, strict=True):
+    for (view, truth), (step, magnitude, phase, poles) in zip(truths.items(), panels, strict=True):
         model = truth.model
         low, nyquist = default_band(truth.poles, model.dt)[0] / 2, 0.5 / model.dt
         f = np.geomspace(low, nyquist, POINTS)
@@ -39,7 +39,7 @@ def plant_figure(name: str, truths: Mapping[str, Truth]) -> Figure:
             magnitude.plot(f, 20 * np.log10(np.maximum(np.abs(G[:, i, j]), 1e-15)), **look)
             phase.plot(f, np.degrees(np.unwrap(np.angle(G[:, i, j]))), **look)
         left_out = f" ({len(drawn)} of {len(pairs)} pairs)" if len(drawn) < len(pairs) else ""
-        step.set(xlabel="time [s]", title=plain(f"{setting}: unit step{left_out}"))
+        step.set(xlabel="time [s]", title=plain(f"{view}: unit step{left_out}"))
         magnitude.set(xlabel="frequency [Hz]", title="magnitude [dB]")
         phase.set(xlabel="frequency [Hz]", title="phase [deg]")
         for axis in (magnitude, phase):

@@ -1,12 +1,12 @@
-"""Choosing among the rows of a setting."""
+"""Choosing among the rows of a view."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 from identify.estimate import Estimate
-from scenarios.results import Row, SettingResult
-from scenarios.spec import statistics
+from scenarios.run.results import Row, ViewResult
+from scenarios.scenario.spec import statistics
 
 MOST_METHODS = 6  # so many lines can be told apart in one figure
 DIVERGED = -100.0  # %, unclipped fit of a simulation that leaves the range of the data
@@ -29,21 +29,21 @@ def diverging(row: Row) -> int:
     return sum(s.values.get("fit_simulation_unclipped", 0.0) < DIVERGED for s in row.scores)
 
 
-def best_rows(setting: SettingResult) -> list[Row]:
+def best_rows(view: ViewResult) -> list[Row]:
     """Return the best row of each method that gave a model, best first, at most MOST_METHODS."""
     best: dict[str, Row] = {}
-    for row in setting.rows:
+    for row in view.rows:
         if first_estimate(row) is not None:
             best.setdefault(row.method, row)
     return list(best.values())[:MOST_METHODS]
 
 
-def sound(setting: SettingResult) -> list[Row]:
+def sound(view: ViewResult) -> list[Row]:
     """Return the rows that gave a model in every run and are consistent for the loop the data come from, best first."""
-    closed = setting.spec.roles.closed
-    return [row for row in setting.rows if row.reason is None and (row.closed_loop or not closed)]
+    closed = view.spec.roles.closed
+    return [row for row in view.rows if row.reason is None and (row.closed_loop or not closed)]
 
 
-def trusted(setting: SettingResult) -> Row | None:
+def trusted(view: ViewResult) -> Row | None:
     """Return the best sound row; failing that, the best that gave a model."""
-    return next(iter([*sound(setting), *(row for row in setting.rows if row.reason is None)]), None)
+    return next(iter([*sound(view), *(row for row in view.rows if row.reason is None)]), None)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from excite.errors import ExciteError
 from excite.files.atomic import written
-from excite.limits import Limits
+from excite.limits.limits import Limits
 from excite.types.signal import Signal
 from scenarios.report.drawing import MOST_POINTS_FIGURE, PALETTE, canvas, legible, log_scale, plain, styled, thin, unit
 
@@ -29,7 +29,9 @@ def signal_figure(signal: Signal, limits: Limits | None = None) -> Figure:
     """
     count = min(signal.u.shape[1], MOST_CHANNELS)
     left_out = f" (first {count} of {signal.u.shape[1]} channels)" if count < signal.u.shape[1] else ""
-    figure = canvas(0.9 + 1.5 * count, f"Signal: {signal.recipe.get('kind', 'from a file')}{left_out}")
+    figure = canvas(
+        0.9 + 1.5 * count, f"Signal: {'from a file' if signal.recipe is None else signal.recipe.kind}{left_out}"
+    )
     axes = figure.subplots(count, 4, squeeze=False, sharex="col", width_ratios=(1.6, 1.2, 1, 0.7))
     points = MOST_POINTS_FIGURE // (4 * count)
     length = signal.period if signal.period and signal.period <= len(signal.u) else len(signal.u)

@@ -5,37 +5,37 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.persistency import Certificate
+from excite.persistency.certificate import Certificate
 from identify.estimate import Status
-from identify.metrics import continuous_poles, pole_errors
+from identify.metrics.metrics import continuous_poles, pole_errors
 from scenarios.report.columns import NONE, Column, columns_of, complex_text, number
 from scenarios.report.rows import diverging, first_estimate, spread, trusted
-from scenarios.results import Row, RunResult, SettingResult
+from scenarios.run.results import Row, RunResult, ViewResult
 
 Table = tuple[list[str], list[list[str]]]
 
 
-def ranking(setting: SettingResult, compact: bool = False) -> Table:
-    """Return the methods of one setting, best first, below what the truth itself reaches; empty columns are dropped.
+def ranking(view: ViewResult, compact: bool = False) -> Table:
+    """Return the methods of one view, best first, below what the truth itself reaches; empty columns are dropped.
 
     compact : only the columns that fit a terminal, with short headers and without the notes.
     """
-    columns, names = columns_of(setting, compact)
-    rows, rank = _truth_rows(setting, columns, compact), 0
-    for row in setting.rows:
+    columns, names = columns_of(view, compact)
+    rows, rank = _truth_rows(view, columns, compact), 0
+    for row in view.rows:
         rank += row.reason is None
         cells = [_cell(row, c, compact and k > 0) for k, c in enumerate(columns)]
-        rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(setting, row)])
+        rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(view, row)])
     headers = ["rank", "method", "order", *names, "note"]
     keep = [k for k in range(len(headers) - compact) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
     return [headers[k] for k in keep], [[row[k] for k in keep] for row in rows]
 
 
-def _truth_rows(setting: SettingResult, columns: Sequence[Column], compact: bool) -> list[list[str]]:
+def _truth_rows(view: ViewResult, columns: Sequence[Column], compact: bool) -> list[list[str]]:
     """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured run."""
-    if setting.truth_score is None:
+    if view.truth_score is None:
         return []
-    fits = {m: v for m, v in setting.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
+    fits = {m: v for m, v in view.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
     floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
     measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
     names = (
@@ -57,13 +57,13 @@ def _cell(row: Row, column: Column, plain: bool) -> str:
     return f"{texts['median']} [{texts['q25']} {texts['q75']}]"
 
 
-def note(setting: SettingResult, row: Row) -> str:
+def note(view: ViewResult, row: Row) -> str:
     """Return what must be known about a row beside its numbers."""
     if row.reason is not None:
         failed = sum(s.reason is not None for s in row.scores)
         return f"failed in {failed} of {len(row.scores)} runs: {row.reason}" if len(row.scores) > 1 else row.reason
     notes = []
-    if setting.spec.roles.closed and not row.closed_loop:
+    if view.spec.roles.closed and not row.closed_loop:
         notes.append("biased in closed loop")
     unstable = sum(e is not None and e.status is Status.UNSTABLE for e in row.estimates)
     if unstable:
@@ -77,16 +77,16 @@ def note(setting: SettingResult, row: Row) -> str:
     return "; ".join(notes)
 
 
-def true_poles(setting: SettingResult) -> Table:
+def true_poles(view: ViewResult) -> Table:
     """Return the truth's poles (upper half plane) with what the trusted row's first run found for each."""
-    row = trusted(setting)
+    row = trusted(view)
     estimate = first_estimate(row) if row is not None else None
     headers = ["kind", "pole [rad/s]", "|s| [rad/s]", "frequency [Hz]", "damping [–]", "time constant [s]"]
-    if setting.truth is None:
+    if view.truth is None:
         return headers, []
-    z = setting.truth.poles
-    matched = pole_errors(z, z if estimate is None else estimate.model.poles(), setting.dt)
-    s, found = (continuous_poles(p, setting.dt) for p in (matched.true, matched.estimated))
+    z = view.truth.poles
+    matched = pole_errors(z, z if estimate is None else estimate.model.poles(), view.dt)
+    s, found = (continuous_poles(p, view.dt) for p in (matched.true, matched.estimated))
     if estimate is not None:
         headers += [f"{row.label}, first run [rad/s]", "error [%]"]
     rows = []

@@ -5,40 +5,40 @@ from textwrap import wrap
 
 import numpy as np
 
+from excite.models.modes import DELAY, continuous_poles
 from excite.types.channel import listed
-from excite.types.modes import DELAY, continuous_poles
 from identify.estimate import Estimate, Status
 from scenarios.report.tables import certificate_text, expectations, note, number, ranking, to_text
 from scenarios.report.verdict import verdict
-from scenarios.results import RunResult, SettingResult
+from scenarios.run.results import RunResult, ViewResult
 
 WIDTH = 140
 
 
 def summary_text(result: RunResult) -> list[str]:
-    """Return what `excite run` prints: certificates, a ranking table a setting, verdicts, expectations, where it lies."""
+    """Return what `excite run` prints: certificates, a ranking table a view, verdicts, expectations, where it lies."""
     lines = [result.scenario.name, result.scenario.description, ""]
-    for setting in result.settings:
-        lines += _setting(result, setting)
+    for view in result.views:
+        lines += _view(result, view)
     if result.expectations:
         lines += [*to_text(*expectations(result)).splitlines(), ""]
     lines += [f"warning: {warning}" for warning in result.warnings]
     return [*lines, f"report: {result.folder / 'report.html'}"]
 
 
-def _setting(result: RunResult, setting: SettingResult) -> list[str]:
-    roles, name = setting.spec.roles, setting.spec.name
+def _view(result: RunResult, view: ViewResult) -> list[str]:
+    roles, name = view.spec.roles, view.spec.name
     kind = "in closed loop" if roles.closed else "inputs free of feedback"
-    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {setting.dt * 1e3:g} ms; {kind}"
-    lines = [title, *setting.horizons.notes]
-    if setting.predictor_radius is not None:
-        lines.append(f"truth's predictor A - KC: spectral radius {setting.predictor_radius:.4f}")
+    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {view.dt * 1e3:g} ms; {kind}"
+    lines = [title, *view.horizons.notes]
+    if view.predictor_radius is not None:
+        lines.append(f"truth's predictor A - KC: spectral radius {view.predictor_radius:.4f}")
     judged = "reference" if roles.closed else "input"
     certificate = certificate_text(result.certificates[name])
     lines += [f"{judged}: {certificate[0]}", *(f"  {line}" for line in certificate[1:])]
-    lines += ["", *to_text(*ranking(setting, compact=True)).splitlines()]
-    lines += [f"  {row.label}: {text}" for row in setting.rows if (text := note(setting, row))]
-    return [*lines, *wrap(verdict(setting, result.scenario.rank_by), WIDTH), ""]
+    lines += ["", *to_text(*ranking(view, compact=True)).splitlines()]
+    lines += [f"  {row.label}: {text}" for row in view.rows if (text := note(view, row))]
+    return [*lines, *wrap(verdict(view, result.scenario.rank_by), WIDTH), ""]
 
 
 def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str]:

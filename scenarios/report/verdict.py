@@ -1,27 +1,27 @@
-"""Which method to trust in a setting, and why, in words."""
+"""Which method to trust in a view, and why, in words."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from identify.metrics import continuous_poles, pole_errors
+from identify.metrics.metrics import continuous_poles, pole_errors
 from scenarios.report.columns import COLUMNS, columns_of, complex_text, number
 from scenarios.report.rows import diverging, first_estimate, sound, spread, trusted
-from scenarios.results import Row, RunResult, SettingResult
+from scenarios.run.results import Row, RunResult, ViewResult
 
 FAR = 0.1  # pole error beyond which the verdict says which pole is meant
 
 
-def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
-    """Return in a few sentences which row of a setting to trust, how good it is, and how clear its lead is."""
-    name, row = setting.spec.name, trusted(setting)
+def verdict(view: ViewResult, rank_by: Sequence[str]) -> str:
+    """Return in a few sentences which row of a view to trust, how good it is, and how clear its lead is."""
+    name, row = view.spec.name, trusted(view)
     if row is None:
-        reasons = "; ".join(dict.fromkeys(r.reason for r in setting.rows if r.reason)) or "none was run"
+        reasons = "; ".join(dict.fromkeys(r.reason for r in view.rows if r.reason)) or "none was run"
         return f"{name}: no method gave a model ({reasons})."
-    good = sound(setting)
+    good = sound(view)
     runs = f"median of {len(row.scores)} runs" if len(row.scores) > 1 else "one run"
     sentences = [f"{name}: trust {row.method} at order {row.order} ({', '.join(_values(row, rank_by))}; {runs})."]
-    first = next(r for r in setting.rows if r.reason is None)
+    first = next(r for r in view.rows if r.reason is None)
     if not good:
         sentences.append("Beware: the input depends on the output through feedback, which biases every method run.")
     elif first is not row:
@@ -31,17 +31,17 @@ def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
         ratio = number(rival.rank_value / row.rank_value)
         unclear = "; their quartiles overlap, so that this may be chance" if _overlap(row, rival, rank_by) else ""
         sentences.append(f"Next comes {rival.label}, its ranking value {ratio} times as large{unclear}.")
-    if setting.truth is not None and spread(row, "pole_error_max")["median"] > FAR:
-        sentences.append(_worst_pole(setting, row))
+    if view.truth is not None and spread(row, "pole_error_max")["median"] > FAR:
+        sentences.append(_worst_pole(view, row))
     if count := diverging(row):
         sentences.append(
             f"Simulated over the whole validation run it diverges in {count} of {len(row.scores)} runs, as integrating or "
             "very slow poles do when they are a little off: use it over limited horizons."
         )
-    if setting.floor is not None:
-        metric, floor = setting.floor
+    if view.floor is not None:
+        metric, floor = view.floor
         fit = spread(row, metric)["median"]
-        ahead = next((c.header for c in columns_of(setting)[0] if c.metric == metric), metric)
+        ahead = next((c.header for c in columns_of(view)[0] if c.metric == metric), metric)
         if np.isfinite(fit):
             sentences.append(
                 f"{_sentence(ahead)}: {fit:.1f} %, where the linearised truth itself reaches {floor:.1f} %."
@@ -50,30 +50,30 @@ def verdict(setting: SettingResult, rank_by: Sequence[str]) -> str:
 
 
 def summary(result: RunResult) -> list[str]:
-    """Return what was designed and flown, a verdict for each setting, and how the expectations came out."""
+    """Return what was designed and flown, a verdict for each view, and how the expectations came out."""
     scenario, signal = result.scenario, result.signal
     period = f" (period {signal.period * signal.dt:.4g} s)" if signal.period else ""
-    kind = signal.recipe.get("kind", "signal")
+    kind = "signal" if signal.recipe is None else signal.recipe.kind
     paragraphs = [
         f"A {kind} of {signal.duration_s:.4g} s on {_count(signal.u.shape[1], 'channel')}{period} was designed and "
         f"played on {scenario.plant.name} at its injection point {scenario.inject}: "
         f"{_count(scenario.estimation_runs, 'run')} to estimate from, {_count(scenario.validation_runs, 'run')} with "
         "fresh excitation and noise to validate on."
     ]
-    paragraphs += [verdict(setting, scenario.rank_by) for setting in result.settings]
+    paragraphs += [verdict(view, scenario.rank_by) for view in result.views]
     if result.expectations:
         met = sum(met for *_, met in result.expectations)
         paragraphs.append(f"Expectations met: {met} of {len(result.expectations)}.")
     return paragraphs
 
 
-def _worst_pole(setting: SettingResult, row: Row) -> str:
+def _worst_pole(view: ViewResult, row: Row) -> str:
     """Return which true pole the row's first run misses most."""
-    errors = pole_errors(setting.truth.poles, first_estimate(row).model.poles(), setting.dt)
+    errors = pole_errors(view.truth.poles, first_estimate(row).model.poles(), view.dt)
     if errors.missing:
         return "Not every pole is found: the order is below that of the truth."
     k = int(np.argmax(errors.relative))
-    pole = complex_text(continuous_poles(errors.true[k : k + 1], setting.dt)[0])
+    pole = complex_text(continuous_poles(errors.true[k : k + 1], view.dt)[0])
     return f"Not every pole is found well: in the first run, that at {pole} rad/s is off by {100 * errors.relative[k]:.3g} %."
 
 

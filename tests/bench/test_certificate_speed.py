@@ -7,11 +7,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.signal import butter, cont2discrete, lfilter
 
-from excite.hankel import hankel_factor
-from excite.limits import Limits, OutputLimit
-from excite.persistency import certify
-from excite.shaping import shape
-from excite.types.models import StateSpaceModel
+from excite.limits.limits import Limits, OutputLimit
+from excite.limits.shaping import shape
+from excite.models.state_space import StateSpaceModel
+from excite.numerics.hankel import hankel_factor
+from excite.persistency.certificate import certify
 from excite.types.signal import Signal
 
 pytestmark = pytest.mark.bench

@@ -12,7 +12,7 @@ from scipy.linalg import block_diag, expm
 
 from excite.generators import crest
 from excite.generators.multisine import multisine
-from excite.types.models import StateSpaceModel
+from excite.models.state_space import StateSpaceModel
 
 pytestmark = pytest.mark.bench
 

@@ -49,9 +49,9 @@ def full_qr(u, y, name):
     """Our method on the factor of a QR decomposition of the explicit Hankel matrix."""
     import scipy.linalg as la
 
-    from excite.correlation import correlate
-    from excite.hankel import HankelFactor, condition_of
-    from identify.ground import compression
+    from excite.numerics.correlation import correlate
+    from excite.numerics.hankel import HankelFactor, condition_of
+    from identify.steps import compression
 
     def explicit(segments, rows, order):
         (w,) = (s[:] for s in segments)
@@ -123,11 +123,11 @@ def measure(tool, name, path):
 
     from scipy.optimize import linear_sum_assignment
 
-    from excite import lti
+    from excite.numerics.simulate import simulate
 
     cost = np.abs(np.subtract.outer(np.linalg.eigvals(data["A"]), np.linalg.eigvals(A)))
     with np.errstate(all="ignore"):
-        error = data["clean"] - lti.simulate(*map(np.asarray, (A, B, C, D)), data["fresh"])
+        error = data["clean"] - simulate(*map(np.asarray, (A, B, C, D)), data["fresh"])
         fits = 100 * (1 - np.linalg.norm(error, axis=0) / np.linalg.norm(data["clean"] - data["clean"].mean(0), axis=0))
     print(
         json.dumps(

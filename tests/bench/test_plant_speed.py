@@ -6,7 +6,7 @@ from time import process_time
 import numpy as np
 import pytest
 
-from plants.checks import small_signal
+from plants.conformance import small_signal
 from plants.plant import list_plants, load_plant
 
 pytestmark = pytest.mark.bench

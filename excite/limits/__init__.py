@@ -1,0 +1,1 @@
+"""What the hardware allows: limits, their checks, and the shaping of signals to them."""

@@ -1,0 +1,1 @@
+"""Models: what an estimate or a truth is, and what it can do."""

@@ -1,0 +1,1 @@
+"""Numerics that all rooms share: exact simulation, block-Hankel factors, correlations, networks."""

@@ -1,0 +1,1 @@
+"""Persistency of excitation: certificates, exact orders, and the information of regressors."""

@@ -1,0 +1,1 @@
+"""Records made fit for identification, and what is wrong with them."""

@@ -1,1 +1,0 @@
-"""The numerical ground that the methods share."""

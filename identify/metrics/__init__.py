@@ -1,0 +1,1 @@
+"""Metrics: what an estimate is worth, on data and against the truth."""

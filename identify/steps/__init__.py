@@ -1,0 +1,1 @@
+"""The numerical steps that the methods share."""

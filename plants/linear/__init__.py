@@ -1,0 +1,1 @@
+"""Linear plants: matrices, loops, actuators, and the examples of textbooks."""

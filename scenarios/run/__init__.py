@@ -1,0 +1,1 @@
+"""Running a scenario: design, pieces, store, results."""
