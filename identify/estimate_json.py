@@ -11,10 +11,14 @@ from excite.errors import ExciteError
 from excite.models.model import Model
 from excite.models.polynomial import PolynomialModel
 from excite.models.state_space import StateSpaceModel
+from excite.types.frozen import Frozen
 from identify.estimate import Estimate, Status
 from identify.metrics.metrics import continuous_poles
+from identify.uncertainty.first_order import FirstOrder
+from identify.uncertainty.uncertainty import Uncertainty
+from identify.uncertainty.withheld import Withheld
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 ARRAYS = {
     "state_space": (StateSpaceModel, ("A", "B", "C", "D", "K", "innovation_cov", "input_offset", "output_offset")),
     "polynomial": (PolynomialModel, ("a", "b", "innovation_cov")),
@@ -54,12 +58,13 @@ def estimate_to_dict(estimate: Estimate, fit: Mapping[str, Any] | None = None) -
             "poles": [pole_to_dict(p, model.dt) for p in model.poles()],
             "singular_values": estimate.singular_values,
             "fit": fit,
-            "uncertainty": estimate.uncertainty,
+            "uncertainty": estimate.uncertainty and estimate.uncertainty.to_dict(),
             "status": estimate.status.name.lower(),
             "warnings": list(estimate.warnings),
             "settings": estimate.settings,
+            "preparation": list(estimate.preparation),
             "condition": estimate.condition,
-            "path": estimate.path,
+            "route": estimate.route,
             "seconds": estimate.seconds,
         }
     )
@@ -85,12 +90,13 @@ def estimate_from_dict(data: Mapping[str, Any], place: str) -> Estimate:
             data["order"],
             x0=tuple(np.array(x, float) for x in data.get("x0") or ()),
             singular_values=None if values is None else np.array(values, float),
-            uncertainty=data.get("uncertainty"),
+            uncertainty=_uncertainty(data.get("uncertainty"), model),
             status=Status[data["status"].upper()],
             warnings=tuple(data["warnings"]),
-            settings=data.get("settings") or {},
+            settings=Frozen(data.get("settings") or {}),
+            preparation=tuple(data.get("preparation") or ()),
             condition=data.get("condition"),
-            path=data.get("path"),
+            route=data.get("route"),
             seconds=data.get("seconds") or 0.0,
         )
     except KeyError as error:
@@ -112,3 +118,12 @@ def load_estimate(path: str | Path) -> Estimate:
     if not isinstance(data, dict):
         raise ExciteError(f"{path}: a JSON {type(data).__name__}, not a model; pass what `excite identify -o` wrote")
     return estimate_from_dict(data, str(path))
+
+
+def _uncertainty(data: Mapping[str, Any] | None, model: Model) -> Uncertainty | None:
+    """Rebuild what `Uncertainty.to_dict` gave: of the poles, or withheld."""
+    if data is None:
+        return None
+    if data["withheld"] is not None:
+        return Withheld(model, data["withheld"], data["kind"])
+    return FirstOrder(model, np.array(data["pole_covariance"], float), data["kind"])

@@ -8,7 +8,8 @@ import click
 
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import listed
-from identify.method import METHODS, Method, method_class
+from identify.method import Method
+from identify.registry import METHODS, method_class
 from plants.plant import PLANTS, Plant, load_plant, views_of
 from scenarios.cli.common import assignments, json_option, print_json, print_lines
 
@@ -140,7 +141,7 @@ def _method(name: str) -> dict:
     settings = {f.name: None if f.default is MISSING else f.default for f in fields(kind)}
     return {
         "summary": kind.summary,
-        "closed_loop": kind.closed_loop,
+        "closed_loop": kind.consistent_in_closed_loop,
         "settings": settings,
         "description": "\n".join(line.removeprefix("    ") for line in (kind.__doc__ or "").strip().splitlines()),
     }

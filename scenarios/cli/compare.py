@@ -40,7 +40,8 @@ def compare(
 ) -> int:
     """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
     from identify.estimate_json import estimate_to_dict
-    from identify.method import load_method, method_class
+    from identify.fit import fit
+    from identify.registry import load_method, method_class
     from identify.score import score
     from scenarios.run.store import write_json
 
@@ -73,7 +74,7 @@ def compare(
         row = {"method": name, "order": n, "values": {}, "reason": None}
         try:
             with placed(", ".join(file)):
-                estimate = method.fit(tuple(data), n, shared)
+                estimate = fit(tuple(data), method, n, shared=shared)
             with placed(label):
                 result = score(estimate, judged)
             row["values"] = result.values

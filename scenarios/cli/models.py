@@ -39,7 +39,8 @@ def identify(
 ) -> int:
     """Identify a model from one or several data FILEs (several: one estimate from all of them)."""
     from identify.estimate_json import estimate_to_dict
-    from identify.method import load_method
+    from identify.fit import fit as identify_from
+    from identify.registry import load_method
     from identify.score import score as score_estimate
     from scenarios.report.text import estimate_text
     from scenarios.run.store import write_json
@@ -49,7 +50,7 @@ def identify(
     chosen = load_method(method, **assignments(settings, "--set"))
     data = tuple(read_experiment(path, **reading) for path in file)
     with placed(", ".join(file)):
-        estimate = chosen.fit(data, order)
+        estimate = identify_from(data, chosen, order)
     scores = [score_estimate(estimate, experiment).per_output for experiment in data]
     fit = {
         name: np.mean([s[f"fit_{name}"] for s in scores], axis=0)

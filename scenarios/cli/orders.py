@@ -1,10 +1,13 @@
 """excite orders."""
 
+from dataclasses import asdict, fields
+
 import click
 import numpy as np
 
 from excite.errors import ExciteError, placed
-from identify.orders.orders import OrderTable
+from identify.orders.criteria import Criteria
+from identify.orders.table import OrderTable
 from scenarios.cli.common import (
     assignments,
     data_options,
@@ -15,6 +18,8 @@ from scenarios.cli.common import (
     print_lines,
     read_experiment,
 )
+
+CRITERION_KEYS = [field.name for field in fields(Criteria)]
 
 
 @click.command()
@@ -39,8 +44,8 @@ def orders(
     **reading: object,
 ) -> int:
     """Say what speaks for each order: singular-value gap, information criteria, poles that stay from order to order."""
-    from identify.method import load_method
-    from identify.orders.orders import order_table
+    from identify.orders.table import order_table
+    from identify.registry import load_method
 
     if plot is not None:
         new_file(plot, *file)
@@ -71,9 +76,7 @@ def _to_dict(method: str, table: OrderTable) -> dict:
             {
                 "order": row.order,
                 "gap": row.gap,
-                "aic": row.criteria.aic,
-                "bic": row.criteria.bic,
-                "parameters": row.criteria.parameters,
+                **(dict.fromkeys(CRITERION_KEYS) if row.criteria is None else asdict(row.criteria)),
                 "largest_pole_modulus": row.radius,
                 "reason": row.reason,
             }
@@ -99,8 +102,11 @@ def _to_dict(method: str, table: OrderTable) -> dict:
 def _lines(table: OrderTable) -> list[str]:
     from scenarios.report.tables import to_text
 
-    best_bic = min((row.criteria.bic for row in table.rows if np.isfinite(row.criteria.bic)), default=np.nan)
-    best_aic = min((row.criteria.aic for row in table.rows if np.isfinite(row.criteria.aic)), default=np.nan)
+    criteria = [row.criteria for row in table.rows if row.criteria is not None]
+    best_aic, best_bic = (
+        min((getattr(c, name) for c in criteria if np.isfinite(getattr(c, name))), default=np.nan)
+        for name in ("aic", "bic")
+    )
     rows = []
     for row in table.rows:
         mine = [p for p in table.poles if p.order == row.order]
@@ -109,8 +115,8 @@ def _lines(table: OrderTable) -> list[str]:
             [
                 str(row.order),
                 _number(row.gap),
-                _number(row.criteria.aic - best_aic),
-                _number(row.criteria.bic - best_bic),
+                _number(row.criteria and row.criteria.aic - best_aic),
+                _number(row.criteria and row.criteria.bic - best_bic),
                 _number(row.radius),
                 f"{len(stable)} of {len(mine)}" if mine else "",
                 row.reason or "",
@@ -119,10 +125,10 @@ def _lines(table: OrderTable) -> list[str]:
     headers = ["order", "s(n)/s(n+1)", "AIC above best", "BIC above best", "max |pole|", "modes that stay", "failed"]
     if not any(row[-1] for row in rows):
         headers, rows = headers[:-1], [row[:-1] for row in rows]
-    names = {"gap": "singular-value gap", "aic": "AIC", "bic": "BIC"}
+    names = {"gap": "singular-value gap", "aic": "AIC", "aicc": "AICc", "bic": "BIC"}
     chosen = ", ".join(f"{names[key]}: {order}" for key, order in table.chosen.items())
     return [*to_text(headers, rows).splitlines(), f"best order by {chosen}"]
 
 
-def _number(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:.4g}"
+def _number(value: float | None) -> str:
+    return "" if value is None or np.isnan(value) else f"{value:.4g}"

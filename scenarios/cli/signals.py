@@ -10,7 +10,8 @@ from excite.errors import ExciteError, did_you_mean
 from excite.limits.limits import check as check_limits
 from excite.persistency.certificate import certify, verdict
 from excite.persistency.regressors import information
-from identify.method import Method, load_method, method_class
+from identify.method import Method
+from identify.registry import load_method, method_class
 from scenarios.cli.common import (
     assignments,
     columns,

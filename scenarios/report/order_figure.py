@@ -3,7 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify.orders.orders import OrderTable, StablePole
+from identify.orders.stabilisation import StablePole
+from identify.orders.table import OrderTable
 from scenarios.report.drawing import PALETTE, canvas, log_scale, plain, styled
 
 LOOKS = (

@@ -41,17 +41,23 @@ def _view(result: RunResult, view: ViewResult) -> list[str]:
     return [*lines, *wrap(verdict(view, result.scenario.rank_by), WIDTH), ""]
 
 
+def pole_std(estimate: Estimate) -> np.ndarray | None:
+    """Return the standard deviation of each pole where the estimate tells it."""
+    known = estimate.uncertainty
+    return None if known is None or known.withheld else np.sqrt(np.trace(known.poles(), axis1=1, axis2=2))
+
+
 def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str]:
     """Return what `excite identify` prints: poles, singular values, fits, status and warnings."""
     model = estimate.model
     lines = [f"{estimate.method}, order {estimate.order}, dt {model.dt:g} s, {estimate.seconds:.2f} s"]
-    if estimate.path:
+    if estimate.route:
         condition = "" if estimate.condition is None else f", condition {number(estimate.condition)}"
-        lines.append(f"data compressed by {estimate.path}{condition}")
+        lines.append(f"data compressed by {estimate.route}{condition}")
     poles = model.poles()
     lasting = np.abs(poles) > DELAY
     s = continuous_poles(poles, model.dt)
-    headers, std = ["pole", "frequency Hz", "damping"], (estimate.uncertainty or {}).get("pole_std")
+    headers, std = ["pole", "frequency Hz", "damping"], pole_std(estimate)
     rows = [
         [
             f"{z.real:.4f}" + (f" ± {abs(z.imag):.4f}j" if z.imag else ""),

@@ -11,7 +11,10 @@ from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from identify.method import Method, method_class
+from identify.data.records import Kind, Records
+from identify.fit import check
+from identify.method import Method
+from identify.registry import method_class
 from scenarios.scenario.sampling_rule import Horizons, horizons
 from scenarios.scenario.spec import MethodSpec, Scenario, ViewSpec, check_signal
 
@@ -133,9 +136,9 @@ def _check_methods(scenario: Scenario, spec: ViewSpec, rule: Horizons, signal: S
     u, y, r = np.split(columns, np.cumsum(widths)[:2], axis=1)
     stand_in = Experiment(u, y, dt=dt * rule.every, reference=r if widths[2] else None)
     for m, method in built_methods(scenario, spec, rule):
-        for n in m.orders if method.consumes == "time series" else ():
+        for n in m.orders if Kind.SERIES in method.takes else ():
             with placed(f"{m.place}: view '{spec.name}', {len(u)} samples of {stand_in.dt:g} s"):
-                method.check(stand_in, n)
+                check(method, Records.of(stand_in), n)
 
 
 def _judge(scenario: Scenario, spec: ViewSpec, rule: Horizons, signal: Signal) -> tuple[Certificate, list[str]]:

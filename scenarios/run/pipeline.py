@@ -20,9 +20,10 @@ from excite.models.model import Model
 from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from identify.data.coherence import select_outputs
+from identify.data.records import Records
 from identify.estimate import Estimate
 from identify.estimate_json import estimate_from_dict, estimate_to_dict
-from identify.method import experiments
+from identify.fit import fit
 from identify.metrics.metrics import default_band
 from identify.score import METRICS, Score, floor_metric, score
 from scenarios.run.design import Design, built_methods, make_design, view_horizons, view_truth
@@ -199,7 +200,7 @@ def identify(source: dict, folder: Path, view: str, k: int) -> None:
     with intact(path):
         rule = view_horizons(scenario, spec, load_signal(path))
     spec, recording = chosen(scenario, spec, rule, folder), flown(folder, "estimation", k)
-    data = experiments(prepared(scenario, spec, rule, recording))
+    data = Records.of(prepared(scenario, spec, rule, recording))
     judge = _Judge(scenario, spec, rule, folder, recording)
     shared: dict[tuple, Any] = {}
     for m, method in built_methods(scenario, spec, rule):
@@ -208,7 +209,7 @@ def identify(source: dict, folder: Path, view: str, k: int) -> None:
             if path.exists():
                 continue
             try:
-                estimate = method.fit(data, n, shared)
+                estimate = fit(data, method, n, shared=shared)
                 outcome = judge(estimate)
             except ExciteError as error:
                 estimate, outcome = None, Score({}, reason=str(error))
@@ -290,7 +291,7 @@ def _view_result(scenario: Scenario, spec: ViewSpec, rule: Horizons, folder: Pat
         for n in m.orders:
             outcomes = [_outcome(result_path(folder, spec.name, m.name, n, k)) for k in range(scenario.estimation_runs)]
             estimates, scores = zip(*outcomes, strict=True)
-            rows.append(_row(m.name, n, method.closed_loop, estimates, scores, scenario.rank_by))
+            rows.append(_row(m.name, n, method.consistent_in_closed_loop, estimates, scores, scenario.rank_by))
     rows.sort(key=lambda row: row.rank_value)
     return ViewResult(
         spec,

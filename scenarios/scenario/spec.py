@@ -15,7 +15,8 @@ from excite.errors import DesignRefused, ExciteError, did_you_mean, placed
 from excite.generators import GENERATORS, in_sequence, rest
 from excite.types.recording import Roles
 from excite.types.signal import Signal
-from identify.method import Method, load_method, method_class
+from identify.method import Method
+from identify.registry import load_method, method_class
 from identify.score import METRICS
 from plants.plant import Plant, load_plant
 from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a

@@ -17,8 +17,9 @@ from scipy.io import loadmat
 
 from excite.files import load_recording, load_signal, save_experiment
 from excite.generators import GENERATORS
-from identify.conformance import example_for
-from identify.method import METHODS, method_class
+from identify.data.records import Kind
+from identify.examples import series as example_for
+from identify.registry import METHODS, method_class
 from plants.plant import PLANTS
 from scenarios.cli.main import COMMANDS, cli, status
 from scenarios.scenario.spec import shipped
@@ -289,7 +290,7 @@ WITHOUT_NOISE_MODEL = {
 }  # shift invariance of outputs or covariances says nothing of the noise
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if method_class(name).consumes != "time series"])
+@pytest.mark.parametrize("method", [name for name in METHODS if Kind.SERIES not in method_class(name).takes])
 def test_identify_takes_the_records_a_method_asks_for(method, tmp_path):
     records, _ = example_for(method)
     paths = [tmp_path / f"{k}.csv" for k in range(len(records))]
@@ -302,7 +303,7 @@ def test_identify_takes_the_records_a_method_asks_for(method, tmp_path):
     assert np.shape(result["x0"]) == (len(records), 4)
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if method_class(name).consumes == "time series"])
+@pytest.mark.parametrize("method", [name for name in METHODS if Kind.SERIES in method_class(name).takes])
 def test_identify_prints_one_strict_object(method, data):
     assert excite(*identify(data, "--order", "3", method=method))[1].startswith(f"{method}, order 3")
     code, out, _ = excite(*identify(data, "--order", "3", "--json", method=method))

@@ -22,8 +22,9 @@ from excite.types.recipe import Recipe
 from excite.types.recording import Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from identify.method import fit, method_class
+from identify.fit import fit
 from identify.metrics.metrics import default_band
+from identify.registry import method_class
 from identify.score import Score, score
 from scenarios.report import drawing, figures, model_figures, tables
 from scenarios.report.page import page, write_report
@@ -67,7 +68,7 @@ def row(method, order, validation, clean, runs, loop, **settings):
     scores = tuple(score(e, validation, truth(), horizons=(4,), clean=clean) for e in estimates)
     summary = {name: statistics([s.values[name] for s in scores]) for name in scores[0].values}
     rank = float(np.sqrt(np.prod([summary[m]["median"] for m in RANK_BY])))
-    return Row(method, order, method_class(method).closed_loop, estimates, scores, summary, rank)
+    return Row(method, order, method_class(method).consistent_in_closed_loop, estimates, scores, summary, rank)
 
 
 def view_result(name, closed, runs=2):

@@ -526,7 +526,7 @@ def test_leftovers_of_a_killed_run_are_swept(tmp_path):
 # Results that say why -----------------------------------------------------------------------------------------------------
 
 
-def fail(self, factor, order):
+def fail(self, factor, order, data):
     raise ExciteError("ssarx: nothing could be found")
 
 
