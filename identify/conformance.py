@@ -13,7 +13,8 @@ from excite.numerics.simulate import simulate
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.method import fit, method_class
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
 
 ORDER = 4  # states of the example; two lags of two outputs
 LAGS = 2

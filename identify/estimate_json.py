@@ -9,10 +9,10 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.models.model import Model
+from excite.models.modes import continuous_poles
 from excite.models.polynomial import PolynomialModel
 from excite.models.state_space import StateSpaceModel
 from identify.estimate import Estimate, Status
-from identify.metrics.metrics import continuous_poles
 
 SCHEMA_VERSION = 1
 ARRAYS = {

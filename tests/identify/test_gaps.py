@@ -10,7 +10,7 @@ from excite.types.experiment import Experiment
 from identify.conformance import example
 from identify.data.gaps import gap_free
 from identify.method import fit, load_method
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 
 METHODS = [
     "arx",

@@ -13,7 +13,7 @@ from excite.types.loop import Loop
 from identify.conformance import closed_loop, example
 from identify.estimate import Status
 from identify.method import fit, load_method
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.orders.orders import largest_gap
 
 

@@ -13,7 +13,8 @@ from excite.numerics.simulate import markov, observability, simulate
 from excite.types.experiment import Experiment
 from identify.conformance import closed_loop
 from identify.method import fit, load_method
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
 from identify.steps.hankel_svd import era, hankel_of, hankel_svd, kung
 
 ON_RESPONSES = ["ho_kalman", "era"]

@@ -17,7 +17,7 @@ from excite.types.experiment import Experiment
 from identify.conformance import closed_loop, example
 from identify.estimate import Status
 from identify.method import METHODS, fit, load_method, method_class
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.steps.compression import lq
 from identify.steps.regions import stable_dynamics
 
