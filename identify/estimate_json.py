@@ -9,11 +9,11 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.models.model import Model
+from excite.models.modes import continuous_poles
 from excite.models.polynomial import PolynomialModel
 from excite.models.state_space import StateSpaceModel
 from excite.types.frozen import Frozen
 from identify.estimate import Estimate, Status
-from identify.metrics.metrics import continuous_poles
 from identify.uncertainty.first_order import FirstOrder
 from identify.uncertainty.uncertainty import Uncertainty
 from identify.uncertainty.withheld import Withheld

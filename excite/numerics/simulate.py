@@ -73,5 +73,9 @@ def fir(h: np.ndarray, u: np.ndarray) -> np.ndarray:
     from scipy.signal import oaconvolve  # it loads scipy.stats, a third of the time of importing excite
 
     return np.stack(
-        [sum(oaconvolve(u[:, j], h[:, i, j])[: len(u)] for j in range(u.shape[1])) for i in range(h.shape[1])], axis=1
+        [
+            sum((oaconvolve(u[:, j], h[:, i, j])[: len(u)] for j in range(u.shape[1])), np.zeros(len(u)))
+            for i in range(h.shape[1])
+        ],
+        axis=1,
     )

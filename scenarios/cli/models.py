@@ -12,6 +12,7 @@ from excite.types.truth import Truth
 from scenarios.cli.common import (
     assignments,
     data_options,
+    grouped,
     json_option,
     new_file,
     print_json,
@@ -84,8 +85,10 @@ def identify(
 def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -> int:
     """Score MODEL (from `excite identify -o`) on the data in FILE."""
     from identify.estimate_json import load_estimate
-    from identify.score import METRICS
+    from identify.metrics.metric import Need
+    from identify.metrics.registry import find_metric
     from identify.score import score as score_estimate
+    from identify.score_json import score_to_dict
 
     estimate = load_estimate(model)
     experiment = read_experiment(file, **reading)
@@ -93,20 +96,15 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
     with placed(f"{model} on {file}"):
         result = score_estimate(estimate, experiment, known)
     if as_json:
-        print_json(
-            {
-                "schema_version": 1,
-                "model": model,
-                "file": file,
-                "values": result.values,
-                "per_output": result.per_output,
-            }
-        )
+        print_json({"schema_version": 1, "model": model, "file": file, **score_to_dict(result)})
         return 0
     for name, value in result.values.items():
-        if not name.endswith("_unclipped"):
-            note = METRICS[name][0] if name in METRICS else ""
-            click.echo(f"{name:<34} {value:>10.4g}  {note}")
+        if metric := find_metric(name):
+            click.echo(f"{name:<34} {value:>10.4g}  {metric.summary}")
+    unasked = {Need.CLEAN} | ({Need.TRUTH, Need.TRUE_MODEL} if known is None else set())
+    lacking = {name: why for name, why in result.reasons.items() if not find_metric(name).needs & unasked}
+    for why, names in grouped(lacking):
+        click.echo(f"no {', '.join(names)}: {why}")
     return 0
 
 

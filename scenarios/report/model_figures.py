@@ -7,7 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from excite.models.model import Model
-from identify.metrics.metrics import INTEGRATOR, continuous_poles, default_band
+from excite.models.modes import continuous_poles
+from identify.metrics.frequency import default_band
+from identify.metrics.poles import INTEGRATOR
 from scenarios.report.drawing import (
     BAND,
     MOST_POINTS_FIGURE,

@@ -11,7 +11,7 @@ import tomli_w
 from excite.files.atomic import written
 from excite.types.channel import listed
 from excite.types.signal import Signal
-from scenarios.report.columns import LEGEND, NONE
+from scenarios.report.columns import NONE, columns_of, legend
 from scenarios.report.figures import VIEW_FIGURES, stems
 from scenarios.report.tables import certificate_text, expectations, ranking, true_poles
 from scenarios.report.verdict import summary
@@ -161,7 +161,8 @@ def _ranking(view: ViewResult) -> str:
     """
     headers, rows = ranking(view)
     notes = [row[-1] if headers[-1] == "note" else "" for row in rows]
-    fits = [k for k, header in enumerate(headers) if header.startswith(("fit", "below", "VAF"))]
+    fitted = {header for metric, header in zip(*columns_of(view), strict=True) if metric.needs_data}
+    fits = [k for k, header in enumerate(headers) if header in fitted]
     errors = [k for k in range(3, len(headers)) if k not in fits and headers[k] != "note"]
     html = ""
     for what, chosen in (("errors against the truth", errors), ("fits to the validation run", fits)):
@@ -192,7 +193,7 @@ def _expectations(result: RunResult) -> str:
 
 def _legend() -> str:
     caption = "Methods are ranked by the geometric mean of the medians of the metrics that the scenario names"
-    return _table(["metric", "tells", "cannot tell"], LEGEND, caption)
+    return _table(["metric", "tells", "cannot tell"], legend(), caption)
 
 
 def _made(result: RunResult) -> str:

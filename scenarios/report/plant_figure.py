@@ -6,8 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from excite.models.modes import continuous_poles
 from excite.types.truth import Truth
-from identify.metrics.metrics import INTEGRATOR, continuous_poles, default_band
+from identify.metrics.frequency import default_band
+from identify.metrics.poles import INTEGRATOR
 from scenarios.report.drawing import PALETTE, TRUTH, canvas, log_scale, plain, styled
 
 MOST_PAIRS = 8  # input-output pairs drawn in one panel: those of largest gain

@@ -5,10 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from excite.models.model import Dynamic
+from excite.models.modes import continuous_poles
 from excite.persistency.certificate import Certificate
 from identify.estimate import Status
-from identify.metrics.metrics import continuous_poles, pole_errors
-from scenarios.report.columns import NONE, Column, columns_of, complex_text, number
+from identify.metrics.metric import Metric, Need
+from identify.metrics.poles import pole_errors
+from identify.score import absent
+from scenarios.report.columns import NONE, columns_of, complex_text, number
 from scenarios.report.rows import diverging, first_estimate, spread, trusted
 from scenarios.run.results import Row, RunResult, ViewResult
 
@@ -25,44 +29,46 @@ def ranking(view: ViewResult, compact: bool = False) -> Table:
     for row in view.rows:
         rank += row.reason is None
         cells = [_cell(row, c, compact and k > 0) for k, c in enumerate(columns)]
-        rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(view, row)])
+        place, order = str(rank) if row.reason is None else NONE, NONE if row.order is None else str(row.order)
+        rows.append([place, row.method, order, *cells, note(view, row)])
     headers = ["rank", "method", "order", *names, "note"]
     keep = [k for k in range(len(headers) - compact) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
     return [headers[k] for k in keep], [[row[k] for k in keep] for row in rows]
 
 
-def _truth_rows(view: ViewResult, columns: Sequence[Column], compact: bool) -> list[list[str]]:
+def _truth_rows(view: ViewResult, columns: Sequence[Metric], compact: bool) -> list[list[str]]:
     """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured run."""
     if view.truth_score is None:
         return []
-    fits = {m: v for m, v in view.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
-    floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
-    measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
     names = (
         ("linearisation floor", "truth, measured")
         if compact
         else ("linearisation floor (noise-free truth)", "truth on the measured run")
     )
-    return [
-        ["", name, "", *(number(c.scale * known.get(c.metric, np.nan), c.decimals) for c in columns), ""]
-        for name, known in zip(names, (floor, measured), strict=True)
-    ]
+
+    def cell(metric: Metric, record: Need) -> str:
+        judged = record in metric.needs and not metric.needs_truth
+        value = view.truth_score.values.get(metric.name, np.nan) if judged else np.nan
+        return number(metric.scale * value, metric.decimals)
+
+    records = zip(names, (Need.CLEAN, Need.RECORD), strict=True)
+    return [["", name, "", *(cell(metric, record) for metric in columns), ""] for name, record in records]
 
 
-def _cell(row: Row, column: Column, plain: bool) -> str:
-    statistic = spread(row, column.metric)
-    texts = {k: number(column.scale * statistic[k], column.decimals) for k in ("median", "q25", "q75")}
-    if plain or not column.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
+def _cell(row: Row, metric: Metric, plain: bool) -> str:
+    statistic = spread(row, metric.name)
+    texts = {k: number(metric.scale * statistic[k], metric.decimals) for k in ("median", "q25", "q75")}
+    if plain or not metric.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
         return texts["median"]
     return f"{texts['median']} [{texts['q25']} {texts['q75']}]"
 
 
 def note(view: ViewResult, row: Row) -> str:
     """Return what must be known about a row beside its numbers."""
-    if row.reason is not None:
-        failed = sum(s.reason is not None for s in row.scores)
+    failed = sum(s.reason is not None for s in row.scores)
+    if failed:
         return f"failed in {failed} of {len(row.scores)} runs: {row.reason}" if len(row.scores) > 1 else row.reason
-    notes = []
+    notes = [f"not ranked by {row.reason}"] if row.reason is not None else []
     if view.spec.roles.closed and not row.closed_loop:
         notes.append("biased in closed loop")
     unstable = sum(e is not None and e.status is Status.UNSTABLE for e in row.estimates)
@@ -74,13 +80,25 @@ def note(view: ViewResult, row: Row) -> str:
         count = spread(row, metric)["median"]
         if count > 0:
             notes.append(f"{count:.0f} {text} pole{'s' if count > 1 else ''}")
-    return "; ".join(notes)
+    return "; ".join(notes + _without_value(view, row))
+
+
+def _without_value(view: ViewResult, row: Row) -> list[str]:
+    """Return which metrics that others have the row lacks, and why."""
+    reasons, lacking = absent(row.scores), {}
+    for metric in columns_of(view)[0]:
+        if np.isnan(spread(row, metric.name)["median"]) and metric.name in reasons:
+            if any(np.isfinite(spread(other, metric.name)["median"]) for other in view.rows):
+                lacking.setdefault(reasons[metric.name], []).append(metric.words(view.dt))
+    return [f"no {', '.join(names)}: {reason}" for reason, names in lacking.items()]
 
 
 def true_poles(view: ViewResult) -> Table:
     """Return the truth's poles (upper half plane) with what the trusted row's first run found for each."""
     row = trusted(view)
     estimate = first_estimate(row) if row is not None else None
+    if estimate is not None and not isinstance(estimate.model, Dynamic):
+        estimate = None  # a model without poles
     headers = ["kind", "pole [rad/s]", "|s| [rad/s]", "frequency [Hz]", "damping [–]", "time constant [s]"]
     if view.truth is None:
         return headers, []
@@ -108,7 +126,7 @@ def true_poles(view: ViewResult) -> Table:
 def expectations(result: RunResult) -> Table:
     """Return what the scenario expects, what came out, and whether it was met."""
     rows = [
-        [e.key, f"{e.comparison} {e.bound:g}", f"{value:.4g}", "met" if met else "missed"]
+        [e.key, f"{e.comparison} {e.bound:g}", NONE if np.isnan(value) else f"{value:.4g}", "met" if met else "missed"]
         for e, value, met in result.expectations
     ]
     return ["expectation", "bound", "value", "verdict"], rows

@@ -5,6 +5,7 @@ from textwrap import wrap
 
 import numpy as np
 
+from excite.models.model import Dynamic
 from excite.models.modes import DELAY, continuous_poles
 from excite.types.channel import listed
 from identify.estimate import Estimate, Status
@@ -50,14 +51,35 @@ def pole_std(estimate: Estimate) -> np.ndarray | None:
 def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str]:
     """Return what `excite identify` prints: poles, singular values, fits, status and warnings."""
     model = estimate.model
-    lines = [f"{estimate.method}, order {estimate.order}, dt {model.dt:g} s, {estimate.seconds:.2f} s"]
+    order = "" if estimate.order is None else f", order {estimate.order}"
+    dt = "" if model.dt is None else f", dt {model.dt:g} s"
+    lines = [f"{estimate.method}{order}{dt}, {estimate.seconds:.2f} s"]
     if estimate.route:
         condition = "" if estimate.condition is None else f", condition {number(estimate.condition)}"
         lines.append(f"data compressed by {estimate.route}{condition}")
+    lines += _poles(estimate)
+    if estimate.singular_values is not None:
+        values = estimate.singular_values
+        shown = values[: max(2 * (estimate.order or 0), 10)]
+        lines.append("singular values " + " ".join(map(number, shown)) + (" …" if len(shown) < len(values) else ""))
+    for name, values in fit.items():
+        each = listed([f"{c.name} {v:.2f}" for c, v in zip(model.outputs, values, strict=True)])
+        lines.append(f"fit on these data, {name.replace('_', ' ')}, %: {each}")
+    if estimate.status is not Status.OK:
+        lines.append(f"status: {estimate.status.value}")
+    return lines + [f"warning: {warning}" for warning in estimate.warnings]
+
+
+def _poles(estimate: Estimate) -> list[str]:
+    """Return the poles of a model in the upper half plane: z-plane, or rad/s where the model is in continuous time."""
+    model = estimate.model
+    if not isinstance(model, Dynamic):
+        return [f"a {type(model).__name__}: no poles"]
     poles = model.poles()
-    lasting = np.abs(poles) > DELAY
-    s = continuous_poles(poles, model.dt)
-    headers, std = ["pole", "frequency Hz", "damping"], pole_std(estimate)
+    lasting = np.abs(poles) > DELAY if model.dt is not None else np.ones(len(poles), bool)
+    s = poles if model.dt is None else continuous_poles(poles, model.dt)
+    headers = ["pole" if model.dt is not None else "pole rad/s", "frequency Hz", "damping"]
+    std = pole_std(estimate)
     rows = [
         [
             f"{z.real:.4f}" + (f" ± {abs(z.imag):.4f}j" if z.imag else ""),
@@ -69,16 +91,7 @@ def estimate_text(estimate: Estimate, fit: Mapping[str, np.ndarray]) -> list[str
     if std is not None:
         headers.append("standard deviation of the pole")
         rows = [[*row, number(each)] for row, each in zip(rows, std, strict=True)]
-    lines += to_text(headers, [rows[k] for k in np.flatnonzero(lasting & (poles.imag >= 0))]).splitlines()
+    lines = to_text(headers, [rows[k] for k in np.flatnonzero(lasting & (poles.imag >= 0))]).splitlines()
     if not lasting.all():
         lines.append(f"poles at the origin, which only delay: {np.sum(~lasting)}")
-    if estimate.singular_values is not None:
-        values = estimate.singular_values
-        shown = values[: max(2 * estimate.order, 10)]
-        lines.append("singular values " + " ".join(map(number, shown)) + (" …" if len(shown) < len(values) else ""))
-    for name, values in fit.items():
-        each = listed([f"{c.name} {v:.2f}" for c, v in zip(model.outputs, values, strict=True)])
-        lines.append(f"fit on these data, {name.replace('_', ' ')}, %: {each}")
-    if estimate.status is not Status.OK:
-        lines.append(f"status: {estimate.status.value}")
-    return lines + [f"warning: {warning}" for warning in estimate.warnings]
+    return lines

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.metrics.metrics import continuous_poles, pole_errors
-from scenarios.report.columns import COLUMNS, columns_of, complex_text, number
+from excite.models.modes import continuous_poles
+from identify.metrics.poles import pole_errors
+from identify.metrics.registry import load_metric
+from scenarios.report.columns import complex_text, number
 from scenarios.report.rows import diverging, first_estimate, sound, spread, trusted
 from scenarios.run.results import Row, RunResult, ViewResult
 
@@ -17,10 +19,11 @@ def verdict(view: ViewResult, rank_by: Sequence[str]) -> str:
     name, row = view.spec.name, trusted(view)
     if row is None:
         reasons = "; ".join(dict.fromkeys(r.reason for r in view.rows if r.reason)) or "none was run"
-        return f"{name}: no method gave a model ({reasons})."
+        what = "gave a model" if all(first_estimate(r) is None for r in view.rows) else "can be ranked"
+        return f"{name}: no method {what} ({reasons})."
     good = sound(view)
     runs = f"median of {len(row.scores)} runs" if len(row.scores) > 1 else "one run"
-    sentences = [f"{name}: trust {row.method} at order {row.order} ({', '.join(_values(row, rank_by))}; {runs})."]
+    sentences = [f"{name}: trust {row.method} at order {row.order} ({', '.join(_values(view, row, rank_by))}; {runs})."]
     first = next(r for r in view.rows if r.reason is None)
     if not good:
         sentences.append("Beware: the input depends on the output through feedback, which biases every method run.")
@@ -41,10 +44,10 @@ def verdict(view: ViewResult, rank_by: Sequence[str]) -> str:
     if view.floor is not None:
         metric, floor = view.floor
         fit = spread(row, metric)["median"]
-        ahead = next((c.header for c in columns_of(view)[0] if c.metric == metric), metric)
         if np.isfinite(fit):
+            words = load_metric(metric).words(view.dt)
             sentences.append(
-                f"{_sentence(ahead)}: {fit:.1f} %, where the linearised truth itself reaches {floor:.1f} %."
+                f"{words[0].upper()}{words[1:]}: {fit:.1f} %, where the linearised truth itself reaches {floor:.1f} %."
             )
     return " ".join(sentences)
 
@@ -77,24 +80,16 @@ def _worst_pole(view: ViewResult, row: Row) -> str:
     return f"Not every pole is found well: in the first run, that at {pole} rad/s is off by {100 * errors.relative[k]:.3g} %."
 
 
-def _sentence(header: str) -> str:
-    text = header.removesuffix(" [%]")
-    return text[0].upper() + text[1:]
-
-
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _values(row: Row, metrics: Sequence[str]) -> list[str]:
+def _values(view: ViewResult, row: Row, names: Sequence[str]) -> list[str]:
     """Return the medians of metrics with the names and units of the table."""
-    columns = {column.metric: column for column in COLUMNS}
     texts = []
-    for metric in metrics:
-        column = columns.get(metric)
-        name, unit = column.header[:-1].split(" [") if column else (metric, "–")
-        value = number((column.scale if column else 1) * spread(row, metric)["median"])
-        texts.append(f"{name} {value}" if unit == "–" else f"{name} {value} {unit}")
+    for metric in map(load_metric, names):
+        text = f"{metric.words(view.dt)} {number(metric.scale * spread(row, metric.name)['median'])}"
+        texts.append(text if metric.unit == "–" else f"{text} {metric.unit}")
     return texts
 
 

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -24,8 +24,10 @@ from identify.data.records import Records
 from identify.estimate import Estimate
 from identify.estimate_json import estimate_from_dict, estimate_to_dict
 from identify.fit import fit
-from identify.metrics.metrics import default_band
-from identify.score import METRICS, Score, floor_metric, score
+from identify.metrics.frequency import band_of
+from identify.metrics.ranking import ranking_value
+from identify.score import Score, absent, case_of, mean_score, score_in
+from identify.score_json import score_from_dict, score_to_dict
 from scenarios.run.design import Design, built_methods, make_design, view_horizons, view_truth
 from scenarios.run.results import Row, RunResult, ViewResult
 from scenarios.run.store import intact, make_folder, open_folder, read_json, write_json
@@ -232,44 +234,16 @@ class _Judge:
         )
         truth = view_truth(scenario, spec, recording)
         self.truth = truth and truth.lift(rule.every)
-        dt = self.validation[0].dt
-        self.steps = tuple(max(1, round(h / dt)) for h in scenario.horizons_s)
-        self.band = scenario.bands_hz.get(spec.name)
-        if self.band is None and self.truth is not None:
-            self.band = default_band(self.truth.poles, self.truth.model.dt)
-
-        self.floor = None
-        if self.truth is not None:
-            self.floor_metric = floor_metric(self.truth, self.steps)
-            self.floor = self(self.truth.model).values[self.floor_metric]
-
-    def __call__(self, model: Estimate | Model) -> Score:
-        scores = [
-            score(model, measured, self.truth, horizons=self.steps, band_hz=self.band, clean=clean)
+        dt, band = self.validation[0].dt, scenario.bands_hz.get(spec.name)
+        steps = tuple(max(1, round(h / dt)) for h in scenario.horizons_s)
+        self.cases = [
+            case_of(measured, self.truth, horizons=steps, band_hz=band, clean=clean)
             for measured, clean in zip(self.validation, self.clean, strict=True)
         ]
-        values = {name: float(np.mean([s.values[name] for s in scores])) for name in scores[0].values}
-        per_output = {
-            name: tuple(np.mean([s.per_output[name] for s in scores], axis=0).tolist()) for name in scores[0].per_output
-        }
-        if self.floor is not None:
-            values["fit_below_floor"] = self.floor - values.get(self.floor_metric, np.nan)
-        return Score(values, per_output)
+        self.band = band if self.truth is None else band_of(self.cases[0])
 
-
-def score_to_dict(outcome: Score) -> dict[str, Any]:
-    """Plain values of a score."""
-    return {"values": dict(outcome.values), "per_output": dict(outcome.per_output), "reason": outcome.reason}
-
-
-def score_from_dict(data: Mapping[str, Any]) -> Score:
-    """Rebuild a score; null becomes NaN."""
-
-    def number(value: float | None) -> float:
-        return float("nan") if value is None else value
-
-    per_output = {name: tuple(map(number, each)) for name, each in data["per_output"].items()}
-    return Score({name: number(v) for name, v in data["values"].items()}, per_output, data["reason"])
+    def __call__(self, model: Estimate | Model) -> Score:
+        return mean_score([score_in(case, model) for case in self.cases])
 
 
 def _collect(scenario: Scenario, design: Design, folder: Path) -> RunResult:
@@ -317,14 +291,13 @@ def _outcome(path: Path) -> tuple[Estimate | None, Score]:
 def _row(
     method: str, order: int, closed_loop: bool, estimates: tuple, scores: tuple[Score, ...], rank_by: tuple[str, ...]
 ) -> Row:
-    reason = next((s.reason for s in scores if s.reason), None)
+    failure = next((s.reason for s in scores if s.reason), None)
     good = [s for s in scores if s.reason is None]
     names = dict.fromkeys(name for s in good for name in s.values)
     summary = {name: statistics([s.values.get(name, float("nan")) for s in good]) for name in names}
-    medians = {name: summary.get(name, {}).get("median", np.nan) for name in rank_by}
-    losses = np.array([value if METRICS[name][1] else 100 - value for name, value in medians.items()])
-    rank = float(np.exp(np.mean(np.log(np.maximum(losses, 1e-300))))) if not np.isnan(losses).any() else np.inf
-    return Row(method, order, closed_loop, estimates, scores, summary, np.inf if reason else rank, reason)
+    medians = {name: each["median"] for name, each in summary.items()}
+    rank, unranked = (np.inf, None) if failure else ranking_value(medians, absent(good), rank_by)
+    return Row(method, order, closed_loop, estimates, scores, summary, rank, failure or unranked)
 
 
 def to_json(result: RunResult) -> dict[str, Any]:
@@ -364,6 +337,7 @@ def _view_json(view: ViewResult) -> dict[str, Any]:
                 "rank_value": row.rank_value,
                 "reason": row.reason,
                 "metrics": {name: {k: stats[k] for k in STATISTICS} for name, stats in row.summary.items()},
+                "reasons": absent([s for s in row.scores if s.reason is None]),
             }
             for i, row in enumerate(view.rows)
         ],

@@ -9,7 +9,8 @@ from excite.types.experiment import Experiment
 from excite.types.signal import Signal
 from excite.types.truth import Truth
 from identify.estimate import Estimate
-from identify.score import Score, floor_metric
+from identify.metrics.fits import floor_metric
+from identify.score import Score
 from identify.steps.kalman import spectral_radius
 from scenarios.scenario.sampling_rule import Horizons
 from scenarios.scenario.spec import Expectation, Scenario, ViewSpec
@@ -61,12 +62,12 @@ class ViewResult:
 
     @property
     def floor(self) -> tuple[str, float] | None:
-        """The linearisation floor: its metric and the truth's value, None without a truth."""
+        """The linearisation floor: its metric and the truth's value, None without a truth or where it has no value."""
         if self.truth is None:
             return None
         steps = [max(1, round(h / self.dt)) for h in self.horizons_s]
         name = floor_metric(self.truth, steps)
-        return name, self.truth_score.values[name]
+        return (name, self.truth_score.values[name]) if name in self.truth_score.values else None
 
     @property
     def predictor_radius(self) -> float | None:

@@ -16,8 +16,8 @@ from excite.generators import GENERATORS, in_sequence, rest
 from excite.types.recording import Roles
 from excite.types.signal import Signal
 from identify.method import Method
+from identify.metrics.registry import find_metric, list_metrics
 from identify.registry import load_method, method_class
-from identify.score import METRICS
 from plants.plant import Plant, load_plant
 from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 
@@ -334,13 +334,15 @@ def _score(table: TomlTable, views: tuple[ViewSpec, ...]) -> tuple[tuple, tuple,
     without_truth = [s.name for s in views if not s.plants_own]
     for i, metric in enumerate(rank_by):
         place = f"{table.place}rank_by[{i}]: '{metric}'"
-        if metric not in METRICS:
-            raise ExciteError(f"{place} is no metric; {did_you_mean(metric, METRICS)}")
-        if without_truth and (not metric.startswith(("fit", "vaf")) or metric == "fit_below_floor"):
+        if (known := find_metric(metric)) is None:
+            raise ExciteError(f"{place} is no metric; {did_you_mean(metric, list_metrics())}")
+        if without_truth and known.needs_truth:
             raise ExciteError(
                 f"{place} needs a truth, and view '{without_truth[0]}', with roles of its own, has none; "
                 'rank by "fit_one_step" or "fit_simulation"'
             )
+        if known.horizon is not None and "horizons_s" not in table.values:
+            raise ExciteError(f"{place} needs a prediction horizon; give horizons_s")
     horizons_s = table.items("horizons_s", NUMBER, [], lambda h: None if h > 0 else "give positive seconds")
     bands, bands_hz = table.table("bands_hz"), {}
     for view in views:
@@ -383,7 +385,8 @@ def _expectation(key: str, value: Any, place: str, views: list[str], methods: tu
     view = parts[0] if len(parts) == 4 else views[0]
     method, metric, statistic = parts[-3:]
     here = [m.name for m in methods if m.view == view] + ["best"]
-    for part, known in ((view, views), (method, here), (metric, METRICS), (statistic, STATISTICS)):
+    metrics = [metric] if find_metric(metric) else list_metrics()
+    for part, known in ((view, views), (method, here), (metric, metrics), (statistic, STATISTICS)):
         if part not in known:
             raise ExciteError(f"{place}: '{part}' is not known here; {did_you_mean(part, known)}")
     return Expectation(key, view, method, metric, statistic, match[1], float(match[2]))
