@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.models.model import Model
+from excite.models.model import Dynamic, Model, Predictor
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
 from identify.data.gaps import gap_free
@@ -160,16 +160,15 @@ def absent(scores: Sequence[Score]) -> dict[str, str]:
     }
 
 
-def predictions(model: Model, experiment: Experiment, horizons: Sequence[int] = ()) -> dict[str, np.ndarray]:
+def predictions(model: Dynamic, experiment: Experiment, horizons: Sequence[int] = ()) -> dict[str, np.ndarray]:
     """Return yhat (N, ny) by name: simulation, one_step, and <h>_step for the further horizons."""
-    model = model.to_state_space()
     x0 = initial_state(model, experiment, predictor=False)
     with np.errstate(over="ignore", invalid="ignore"):
-        yhat = {"simulation": model.simulate(experiment.u, x0)}
-        if model.K is not None:
+        yhat = {"simulation": model.response(experiment, x0)}
+        if isinstance(model, Predictor) and model.predicts:
             x0 = initial_state(model, experiment, predictor=True)
-            yhat["one_step"] = model.predict(experiment, 1, x0)
-            yhat |= {f"{h}_step": model.predict(experiment, h, x0) for h in horizons}
+            ahead = model.predictions(experiment, (1, *horizons), x0)
+            yhat |= dict(zip(("one_step", *(f"{h}_step" for h in horizons)), ahead, strict=True))
     return yhat
 
 
