@@ -13,7 +13,8 @@ from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal
-from plants.plant import Plant, load_plant
+from plants.plant import Plant
+from plants.registry import load_plant
 
 SEEDS = 30
 LINES = 24  # of the multisine, in logarithmic steps

@@ -10,7 +10,7 @@ from paths import ROOT
 from excite.generators import GENERATORS
 from excite.types.signal import Signal
 from identify.method import METHODS, Method, method_class
-from plants.plant import PLANTS, load_plant
+from plants.registry import PLANTS, load_plant
 from scenarios.cli.main import COMMANDS
 
 MAY_IMPORT = {

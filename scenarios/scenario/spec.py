@@ -17,7 +17,8 @@ from excite.types.recording import Roles
 from excite.types.signal import Signal
 from identify.method import Method, load_method, method_class
 from identify.score import METRICS
-from plants.plant import Plant, load_plant
+from plants.plant import Plant
+from plants.registry import load_plant
 from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 
 LIBRARY = Path(__file__).parents[1] / "library"

@@ -19,7 +19,7 @@ from excite.files import load_recording, load_signal, save_experiment
 from excite.generators import GENERATORS
 from identify.conformance import example_for
 from identify.method import METHODS, method_class
-from plants.plant import PLANTS
+from plants.registry import PLANTS
 from scenarios.cli.main import COMMANDS, cli, status
 from scenarios.scenario.spec import shipped
 
