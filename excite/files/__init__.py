@@ -9,10 +9,11 @@ from pathlib import Path
 from excite.errors import ExciteError, did_you_mean, placed
 from excite.files import autopilot, awg, c_header, crazyflie, hdf5, mat, npz, text, wav
 from excite.files.atomic import readable
-from excite.files.native import damaged, plain, to_level, to_loop, to_recording, to_table
+from excite.files.native import damaged, to_level, to_loop, to_recording, to_table
 from excite.files.roles import Columns, channels, choose, marked, require, sampling
 from excite.files.table import Table
 from excite.persistency.certificate import certify
+from excite.plain import plain
 from excite.types.experiment import Experiment
 from excite.types.recipe import Recipe
 from excite.types.recording import Recording

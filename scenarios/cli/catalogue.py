@@ -10,7 +10,8 @@ from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import listed
 from identify.method import Method
 from identify.registry import METHODS, method_class
-from plants.plant import PLANTS, Plant, load_plant, views_of
+from plants.plant import Plant
+from plants.registry import PLANTS, load_plant
 from scenarios.cli.common import assignments, json_option, print_json, print_lines
 
 
@@ -47,7 +48,7 @@ def draw_plant(plant: Plant, path: str) -> None:
     from scenarios.report.plant_figure import plant_figure
     from scenarios.report.signal_figure import save_figure
 
-    save_figure(plant_figure(plant.name, {key: plant.truth(None, key) for key in views_of(plant)}), path)
+    save_figure(plant_figure(plant.name, {key: plant.truth(None, key) for key in plant.views}), path)
 
 
 def _plant_lines(name: str, d: dict) -> list[str]:
@@ -84,7 +85,7 @@ def _plant(plant: Plant, whole: bool) -> dict:
     if not whole:
         return {"description": plant.description}
     views = {}
-    for key, roles in views_of(plant).items():
+    for key, roles in plant.views.items():
         truth = plant.truth(None, key)
         views[key] = {
             "inputs": [str(c) for c in truth.model.inputs],

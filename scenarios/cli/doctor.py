@@ -39,7 +39,7 @@ def doctor() -> int:
             f"distribution '{name}' {version} is installed and overwrites our package '{name}': use a fresh environment"
         )
     try:
-        from plants.plant import list_plants, load_plant
+        from plants.registry import list_plants, load_plant
 
         for name in list_plants():
             load_plant(name)

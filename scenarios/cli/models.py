@@ -109,7 +109,7 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
 
 
 def _truth(file: str, experiment: Experiment, reading: dict) -> Truth:
-    from plants.plant import load_plant
+    from plants.registry import load_plant
 
     with placed("--truth auto"):
         recording = load_recording(file)

@@ -1,7 +1,7 @@
 """From a scenario to what is played: excitation, certificates, horizons; what cannot work is refused before it flies."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,18 +39,19 @@ def make_design(scenario: Scenario, signal: Signal | None = None) -> Design:
     with placed(f"{scenario.file}: excitation"):
         signal = scenario.design(scenario.seed) if signal is None else signal
     check_signal(scenario, signal)
-    with placed(f"{scenario.file}: excitation"):
-        first = replace(signal, u=signal.u[:1], period=None)
-        recording = scenario.plant.run(first, inject=scenario.inject, noise=False)
-    if recording.dt is None:
+    layout = scenario.plant.records(scenario.inject)
+    if layout.dt is None:
         raise ExciteError(
             f"{scenario.file}: plant.parameters: they have the plant sample at uneven times, which no scenario can take; have it "
             "sample uniformly, or record it by `excite simulate`"
         )
+    with placed(f"{scenario.file}: excitation"):
+        scenario.plant.prepare(signal, scenario.inject, noise=False)
+    blank = layout.blank()
     certificates, chosen, warnings = {}, {}, list(signal.warnings)
     for i, spec in enumerate(scenario.views):
         with placed(f"{scenario.file}: view[{i}]"):
-            recording.experiment(spec.roles)
+            blank.experiment(spec.roles)
         chosen[spec.name] = rule = view_horizons(scenario, spec, signal)
         if note := _inexact(scenario, spec, rule, signal):
             warnings.append(note)

@@ -18,7 +18,8 @@ from identify.method import Method
 from identify.metrics.registry import find_metric, list_metrics
 from identify.orders.rules import ORDER_RULES
 from identify.registry import load_method, method_class
-from plants.plant import Plant, load_plant
+from plants.plant import Plant
+from plants.registry import load_plant
 from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 
 LIBRARY = Path(__file__).parents[1] / "library"

@@ -18,9 +18,9 @@ from scipy.io import loadmat
 from excite.files import load_recording, load_signal, save_experiment
 from excite.generators import GENERATORS
 from identify.data.records import Kind
-from identify.examples import series as example_for
-from identify.registry import METHODS, method_class
-from plants.plant import PLANTS
+from identify.examples import example_of
+from identify.registry import METHODS, load_method, method_class
+from plants.registry import PLANTS
 from scenarios.cli.main import COMMANDS, cli, status
 from scenarios.scenario.spec import shipped
 
@@ -292,7 +292,7 @@ WITHOUT_NOISE_MODEL = {
 
 @pytest.mark.parametrize("method", [name for name in METHODS if Kind.SERIES not in method_class(name).takes])
 def test_identify_takes_the_records_a_method_asks_for(method, tmp_path):
-    records, _ = example_for(method)
+    records, _ = example_of(load_method(method))
     paths = [tmp_path / f"{k}.csv" for k in range(len(records))]
     for record, path in zip(records, paths, strict=True):
         save_experiment(record, path)
