@@ -3,11 +3,9 @@
 import re
 from dataclasses import dataclass
 
-import numpy as np
-
+from excite.words import number
 from scenarios.run.results import ViewResult
 
-NONE = "–"
 HORIZON = re.compile(r"fit_(clean_)?(\d+)_step")
 
 
@@ -120,17 +118,6 @@ LEGEND = (
     ),
     ("[q25 q75]", "Quartiles over the estimation runs.", "Errors that all runs share, such as bias or a wrong order."),
 )
-
-
-def number(value: float, decimals: int | None = None) -> str:
-    """Return a number as text: fixed decimals, or three digits without needless powers of ten."""
-    if not np.isfinite(value):
-        return NONE if np.isnan(value) else "∞" if value > 0 else "−∞"
-    if decimals is not None:
-        return f"{value:.{decimals}f}"
-    if value == 0 or 1e-4 <= abs(value) < 999.5:
-        return f"{value:.3g}"
-    return f"{value:.0f}" if 1 <= abs(value) < 1e5 else f"{value:.1e}"
 
 
 def complex_text(s: complex) -> str:

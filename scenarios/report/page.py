@@ -11,8 +11,9 @@ import tomli_w
 from excite.files.atomic import written
 from excite.types.channel import listed
 from excite.types.signal import Signal
-from scenarios.report.columns import LEGEND, NONE
-from scenarios.report.figures import VIEW_FIGURES, stems
+from excite.words import NONE
+from scenarios.report.columns import LEGEND
+from scenarios.report.figures import Drawn, of_view, stems
 from scenarios.report.tables import certificate_text, expectations, ranking, true_poles
 from scenarios.report.verdict import summary
 from scenarios.run.results import RunResult, ViewResult
@@ -56,31 +57,16 @@ summary { cursor: pointer; color: var(--accent); }
 @media print { body { max-width: none; background: #fff; } figure, tr { break-inside: avoid; } }
 """
 
-CAPTIONS = {
-    "excitation": "Left: each channel over time. Right: its spectral lines. Where lines are missing or weak, little is "
-    "learnt about the plant.",
-    "ranking": "Median (dot), quartiles (thick line) and single runs (ticks) of the errors against the truth, on "
-    "logarithmic axes, best row first.",
-    "poles": "Poles of the truth (crosses) and of every run's estimate (dots) for the best order of each method, with "
-    "rays of constant damping ratio ζ. The dotted frame on the left is the view on the right.",
-    "bode": "Magnitude of the frequency response, truth dashed, first run of the best order of each method; below, the "
-    "relative error, median (line) and quartiles (shaded) over the runs. The band over which the score is taken is shaded.",
-    "outputs": "Left: the beginning of the validation run, measured and noise-free, with simulations driven by the "
-    "inputs of the noise-free run. Right: their errors over the whole run. Axes keep to the range of the data.",
-    "singular-values": "Singular values from which the order can be judged: a clear drop after the order is a good "
-    "sign, a gentle slope means that the data do not tell it.",
-}
 
-
-def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, str]) -> Path:
-    """Write the page with its figures, SVG by name."""
+def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, Drawn]) -> Path:
+    """Write the page with its figures, by file stem."""
     text = page(result, figures)
     with written(path) as temporary:
         Path(temporary).write_text(text, encoding="utf-8")
     return Path(path)
 
 
-def page(result: RunResult, figures: Mapping[str, str]) -> str:
+def page(result: RunResult, figures: Mapping[str, Drawn]) -> str:
     """Return the page as HTML."""
     name, names = result.scenario.name, stems(result)
     sections = [("summary", "Summary", _summary(result)), ("design", "Design", _design(result, figures))]
@@ -115,8 +101,8 @@ def _summary(result: RunResult) -> str:
     return f'<p>{escape(first)}</p><div class="lead">{lead}</div>'
 
 
-def _design(result: RunResult, figures: Mapping[str, str]) -> str:
-    html = _figure(figures, "excitation", "excitation", "Excitation of every channel over time, beside its spectrum")
+def _design(result: RunResult, figures: Mapping[str, Drawn]) -> str:
+    html = _figure(figures, "excitation", "Excitation of every channel over time, beside its spectrum")
     for warning in result.warnings:
         html += f'<p class="warning">{escape(warning)}</p>'
     for view in result.views:
@@ -129,7 +115,7 @@ def _design(result: RunResult, figures: Mapping[str, str]) -> str:
     return html
 
 
-def _view(view: ViewResult, stem: str, figures: Mapping[str, str]) -> str:
+def _view(view: ViewResult, stem: str, figures: Mapping[str, Drawn]) -> str:
     roles, name = view.spec.roles, view.spec.name
     kind = (
         "in closed loop: the input depends on the output through feedback"
@@ -142,8 +128,9 @@ def _view(view: ViewResult, stem: str, figures: Mapping[str, str]) -> str:
     html += _ranking(view)
     if warnings := _warnings(view):
         html += f"<details><summary>Warnings of the methods ({len(warnings)})</summary>{_list(warnings)}</details>"
-    for key in VIEW_FIGURES:
-        html += _figure(figures, f"{stem}-{key}", key, f"{key.replace('-', ' ').capitalize()} in the view {name}")
+    for key in of_view(stem):
+        kind = key.removeprefix(f"{stem}-").replace("-", " ").capitalize()
+        html += _figure(figures, key, f"{kind} in the view {name}")
     if view.truth is not None:
         valid = f"; {view.truth.valid_amplitude}" if view.truth.valid_amplitude else ""
         html += _table(*true_poles(view), f"Poles of the truth ({view.truth.kind}{valid})")
@@ -211,14 +198,15 @@ def _recipe(signal: Signal) -> str:
     return "" if recipe is None else ", ".join(f"{name} = {recipe[name]}" for name in recipe)
 
 
-def _figure(figures: Mapping[str, str], key: str, kind: str, alt: str) -> str:
+def _figure(figures: Mapping[str, Drawn], key: str, alt: str) -> str:
     if key not in figures:
         return ""
-    data = base64.b64encode(figures[key].encode("utf-8")).decode("ascii")
-    caption = CAPTIONS.get(kind, alt)
+    figure = figures[key].figure
+    data = base64.b64encode(figures[key].svg.encode("utf-8")).decode("ascii")
+    verdict, caption = escape(figure.verdict), escape(figure.caption)
     return (
-        f'<figure id="figure-{escape(key)}"><img alt="{escape(alt)}. {escape(caption)}" '
-        f'src="data:image/svg+xml;base64,{data}"><figcaption>{escape(caption)}</figcaption></figure>'
+        f'<figure id="figure-{escape(key)}"><img alt="{escape(alt)}. {verdict} {caption}" '
+        f'src="data:image/svg+xml;base64,{data}"><figcaption><strong>{verdict}</strong> {caption}</figcaption></figure>'
     )
 
 

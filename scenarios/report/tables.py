@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from excite.persistency.certificate import Certificate
+from excite.words import NONE, number
 from identify.estimate import Status
 from identify.metrics.metrics import continuous_poles, pole_errors
-from scenarios.report.columns import NONE, Column, columns_of, complex_text, number
+from scenarios.report.columns import Column, columns_of, complex_text
 from scenarios.report.rows import diverging, first_estimate, spread, trusted
 from scenarios.run.results import Row, RunResult, ViewResult
 

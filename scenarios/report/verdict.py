@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from excite.words import number
 from identify.metrics.metrics import continuous_poles, pole_errors
-from scenarios.report.columns import COLUMNS, columns_of, complex_text, number
+from scenarios.report.columns import COLUMNS, columns_of, complex_text
 from scenarios.report.rows import diverging, first_estimate, sound, spread, trusted
 from scenarios.run.results import Row, RunResult, ViewResult
 

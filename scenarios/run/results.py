@@ -8,6 +8,7 @@ from excite.persistency.certificate import Certificate
 from excite.types.experiment import Experiment
 from excite.types.signal import Signal
 from excite.types.truth import Truth
+from identify import compare
 from identify.estimate import Estimate
 from identify.score import Score, floor_metric
 from identify.steps.kalman import spectral_radius
@@ -38,6 +39,32 @@ class Row:
         """Name for tables and legends."""
         return f"{self.method} n={self.order}"
 
+    @property
+    def compared(self) -> compare.Row:
+        """The same as a row of a Comparison, one trial per run."""
+        trials = [
+            compare.Trial(
+                label=self.method,
+                method=self.method,
+                order=self.order,
+                data=f"run {k}",
+                estimate=estimate,
+                score=None if estimate is None else score,
+                failure=compare.Failure(score.reason or "no estimate") if estimate is None else None,
+            )
+            for k, (estimate, score) in enumerate(zip(self.estimates, self.scores, strict=True))
+        ]
+        return compare.Row(
+            label=self.method,
+            method=self.method,
+            order=self.order,
+            consistent_in_closed_loop=self.closed_loop,
+            trials=tuple(trials),
+            summary=self.summary,
+            rank_value=self.rank_value,
+            reason=self.reason,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class ViewResult:
@@ -58,6 +85,23 @@ class ViewResult:
     validation: Experiment
     clean: Experiment
     rows: tuple[Row, ...]
+
+    @property
+    def comparison(self) -> compare.Comparison:
+        """The same as a Comparison, which figures are drawn of."""
+        return compare.Comparison(
+            name=self.spec.name,
+            dt=self.dt,
+            closed=self.spec.roles.closed,
+            rows=tuple(row.compared for row in self.rows),
+            validation=self.validation,
+            rank_by=(),
+            truth=self.truth,
+            truth_score=self.truth_score,
+            clean=self.clean,
+            band_hz=self.band_hz,
+            horizons_s=self.horizons_s,
+        )
 
     @property
     def floor(self) -> tuple[str, float] | None:

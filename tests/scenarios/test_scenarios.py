@@ -378,7 +378,9 @@ def test_the_folder_is_whole(finished):
     single |= {"validation_00.csv", "validation_00.csv.json"}
     assert names - figures == recordings | models | single
     assert {"figures/excitation.svg", "figures/attitude-poles.svg", "figures/attitude-bode.svg"} <= figures
-    assert all((folder / name).read_text().startswith("<svg") for name in figures)
+    starts = {".svg": "<svg", ".json": "{", ".csv": "panel,"}
+    assert all((folder / name).read_text().startswith(starts[Path(name).suffix]) for name in figures)
+    assert {Path(name).stem for name in figures if name.endswith(".svg")} == {Path(name).stem for name in figures}
     assert "<script" not in (folder / "report.html").read_text()
 
 
