@@ -4,7 +4,7 @@ Who draws something returns a `Figure`; `excite.figures.svg`, `json`, `csv` and 
 tables of it. The caption says how to read it, the verdict what it says.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -18,6 +18,7 @@ Style = Literal["solid", "dashed", "dotted"]
 Marker = Literal["dot", "ring", "cross", "tick", "square"]
 COLUMNS = ("x", "y", "x_low", "x_high", "y_low", "y_high")  # where the numbers of every mark stand
 Range = tuple[float, float]
+Numbers = np.ndarray | Sequence[float]  # given as either, held as a read-only array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,8 +58,8 @@ class Mark:
 class Line(Mark):
     """A line through (x, y); steps : each y is held until the next x; marker, size : at every point; width, size : pt."""
 
-    x: np.ndarray
-    y: np.ndarray
+    x: Numbers
+    y: Numbers
     width: float = field(default=1.1, kw_only=True)
     style: Style = field(default="solid", kw_only=True)
     steps: bool = field(default=False, kw_only=True)
@@ -70,8 +71,8 @@ class Line(Mark):
 class Points(Mark):
     """Markers at (x, y); size : of the marker, width : of its strokes, pt."""
 
-    x: np.ndarray
-    y: np.ndarray
+    x: Numbers
+    y: Numbers
     marker: Marker = field(default="dot", kw_only=True)
     size: float = field(default=5.0, kw_only=True)
     width: float = field(default=1.0, kw_only=True)
@@ -81,19 +82,19 @@ class Points(Mark):
 class Band(Mark):
     """The area between y_low and y_high over x."""
 
-    x: np.ndarray
-    y_low: np.ndarray
-    y_high: np.ndarray
+    x: Numbers
+    y_low: Numbers
+    y_high: Numbers
 
 
 @dataclass(frozen=True, eq=False)
 class Bars(Mark):
     """Bars from x_low to x_high, each between y_low and y_high."""
 
-    x_low: np.ndarray
-    x_high: np.ndarray
-    y_low: np.ndarray
-    y_high: np.ndarray
+    x_low: Numbers
+    x_high: Numbers
+    y_low: Numbers
+    y_high: Numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +107,17 @@ class Span(Mark):
 
 @dataclass(frozen=True, eq=False)
 class Rule(Mark):
-    """A line across the whole panel, at one x (upright) or at one y."""
+    """A line across the whole panel, at one x (upright) or at one y: one of the two is given."""
 
     x: float | None = None
     y: float | None = None
     width: float = field(default=0.9, kw_only=True)
     style: Style = field(default="solid", kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.x is None) == (self.y is None):
+            raise ExciteError(f"Rule '{self.label}': x {self.x}, y {self.y}; give one of the two")
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +186,7 @@ class Panel:
     legend : where labels are explained: below the figure, inside the panel, or nowhere.
     """
 
-    marks: tuple[Mark, ...]
+    marks: Sequence[Mark]
     x: Axis
     y: Axis
     title: str = ""
@@ -218,12 +224,12 @@ class Figure:
 
     name: str
     title: str
-    panels: tuple[Panel, ...]
+    panels: Sequence[Panel]
     caption: str = ""
     verdict: str = ""
     height: float = 4.2
-    widths: tuple[float, ...] = ()
-    heights: tuple[float, ...] = ()
+    widths: Sequence[float] = ()
+    heights: Sequence[float] = ()
     colours: Mapping[str, str] = field(default_factory=Frozen)
 
     def __post_init__(self) -> None:

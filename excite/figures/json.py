@@ -55,8 +55,7 @@ def _mark(mark: Mark, figure: Figure) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """Return arrays and tuples as lists, numbers of numpy as Python's, what is not finite as None."""
     if isinstance(value, np.ndarray):
-        finite = np.isfinite(value)
-        return value.tolist() if finite.all() else np.where(finite, value, None).tolist()
+        return [_plain(item) for item in value.tolist()]
     if isinstance(value, (tuple, list)):
         return [_plain(item) for item in value]
     if isinstance(value, np.generic):

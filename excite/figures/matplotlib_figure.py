@@ -127,8 +127,8 @@ def to_matplotlib(figure: Figure) -> "MatplotlibFigure":
                 axes.legend(handles.values(), [printable(h, LONGEST["inside"]) for h in handles], fontsize=6)
         if below:
             labels = list(below)[::-1]  # the last is drawn on top: it comes first
-            texts, handles = [printable(label, LONGEST["legend"]) for label in labels], [below[k] for k in labels]
-            drawing.legend(handles, texts, loc="outside lower center", ncols=min(6, len(labels)))
+            texts = [printable(label, LONGEST["legend"]) for label in labels]
+            drawing.legend([below[k] for k in labels], texts, loc="outside lower center", ncols=min(6, len(labels)))
     return drawing
 
 
@@ -188,7 +188,7 @@ def _few_ticks(axes: "Axes", which: str, axis: Axis) -> None:
 
 
 def _line(axes: "Axes", mark: Line, look: dict[str, Any]) -> Any:
-    steps = {"drawstyle": "steps-post"} if mark.steps else {}
+    steps: dict[str, Any] = {"drawstyle": "steps-post"} if mark.steps else {}
     marker = {} if mark.marker is None else _marker(mark.marker, mark.size, 0.0, look)
     return axes.plot(mark.x, mark.y, lw=mark.width, ls=STYLES[mark.style], **steps, **marker, **look)[0]
 
@@ -208,8 +208,9 @@ def _band(axes: "Axes", mark: Band, look: dict[str, Any]) -> Any:
 
 
 def _bars(axes: "Axes", mark: Bars, look: dict[str, Any]) -> Any:
+    height = np.subtract(mark.y_high, mark.y_low)
     return axes.barh(
-        mark.y_low, mark.x_high - mark.x_low, mark.y_high - mark.y_low, left=mark.x_low, align="edge", lw=0, **look
+        mark.y_low, np.subtract(mark.x_high, mark.x_low), height, left=mark.x_low, align="edge", lw=0, **look
     )
 
 
@@ -218,8 +219,8 @@ def _span(axes: "Axes", mark: Span, look: dict[str, Any]) -> Any:
 
 
 def _rule(axes: "Axes", mark: Rule, look: dict[str, Any]) -> Any:
-    draw, at = (axes.axvline, mark.x) if mark.x is not None else (axes.axhline, mark.y)
-    return draw(at, lw=mark.width, ls=STYLES[mark.style], **look)
+    look = {"lw": mark.width, "ls": STYLES[mark.style], **look}
+    return axes.axvline(mark.x, **look) if mark.x is not None else axes.axhline(mark.y or 0.0, **look)
 
 
 def _text(axes: "Axes", mark: Text, look: dict[str, Any]) -> Any:

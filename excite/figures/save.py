@@ -16,7 +16,10 @@ PICTURES = (".png", ".pdf")
 
 
 def save_figure(figure: Figure, path: str | os.PathLike) -> None:
-    """Write a figure atomically; the extension says how: a picture (.png, .svg, .pdf), or its data (.json, .csv)."""
+    """Write a figure atomically; the extension says how: a picture (.png, .svg, .pdf), or its data (.json, .csv).
+
+    Raises ExciteError for another extension, and where the file cannot be written.
+    """
     extension = Path(path).suffix.lower()
     if extension not in (*AS_TEXT, *PICTURES):
         raise ExciteError(f"--plot {path}: extension '{extension}'; name a .png, .svg, .pdf, .json or .csv file")

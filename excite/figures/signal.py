@@ -99,7 +99,7 @@ def _channels(signal: Signal, limits: Limits | None, count: int, windowed: bool)
             unit=signal.channels[i].unit,
             title=signal.channels[i].name + (cut if i == 0 else ""),
             first=i == 0,
-            length=signal.period if periodic else samples,
+            length=(signal.period if periodic else None) or samples,
             periodic=periodic,
             shown=shown,
             most=most,

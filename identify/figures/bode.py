@@ -1,13 +1,14 @@
 """Frequency responses, and how far they are off."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from excite.figures.colours import Role
 from excite.figures.figure import Axis, Band, Figure, Line, Mark, Panel, Range, Span, Text
 from excite.figures.thinning import MOST_POINTS_FIGURE
-from excite.models.model import Dynamic, Model
+from excite.models.model import Model
 from excite.words import joined, number
 from identify.compare import Comparison, Row
 from identify.figures.rows import best_rows, colours, estimates, s_plane, title, true_poles
@@ -34,7 +35,7 @@ def bode(comparison: Comparison) -> Figure | None:
         return None
     truth = None if comparison.truth is None else comparison.truth.model
     band = comparison.band_hz
-    if band is None and true_poles(comparison) is not None:
+    if band is None and comparison.truth is not None and true_poles(comparison) is not None:
         band = default_band(comparison.truth.poles, comparison.dt)
     pairs = _pairs(len(models[0].outputs), len(models[0].inputs))
     nyquist = 0.5 / comparison.dt
@@ -87,7 +88,7 @@ def _magnitudes(
             if G is not None:
                 marks.append(Line(f, _decibel(G[:, i, j]), width=1.6, style="dashed", label="truth", colour=Role.TRUTH))
                 if not np.abs(G[:, i, j]).any():
-                    place = {"frame": "panel", "across": "right", "up": "top"}
+                    place: dict[str, Any] = {"frame": "panel", "across": "right", "up": "top"}
                     marks.append(Text(0.97, 0.9, "truth: 0", colour=Role.NOTE, **place))
             x = Axis("frequency", "Hz", "log", limits=frequency.limits, shared=r < len(pairs) - 1)
             y = Axis("magnitude", "dB", limits=limits, shared=c > 0)
@@ -175,8 +176,7 @@ def _widest(f: np.ndarray, near: np.ndarray) -> str:
 
 def _frequencies(models: Sequence[Model], low: float, high: float, count: int) -> np.ndarray:
     """Return about `count` frequencies in Hz, evenly over the logarithm and closer at lightly damped poles."""
-    known = [s_plane(model) for model in models if isinstance(model, Dynamic)]
-    s = np.concatenate([*known, np.empty(0, complex)])
+    s = np.concatenate([s_plane(model) for model in models])
     s = s[(s.imag > 0) & (np.abs(s.real) < 0.1 * s.imag)]
     s = s[np.argsort(np.abs(s.real) / s.imag)][: count // 20]
     near = (s.imag[:, None] + s.real[:, None] * np.array([-3, -1, 0, 1, 3])).ravel() / (2 * np.pi)

@@ -1,18 +1,21 @@
 """Order selection on one page: singular values, information criteria, stabilisation diagram."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from excite.figures.colours import PALETTE, Role
-from excite.figures.figure import Axis, Figure, Line, Mark, Panel, Points
+from excite.figures.figure import Axis, Figure, Line, Mark, Panel, Points, Range
 from excite.words import capital, joined
-from identify.orders.orders import OrderTable, StablePole
+from identify.orders.orders import OrderRow, OrderTable, StablePole
 
 CAPTION = (
     "Above left: singular values relative to the largest; a clear drop after the order is a good sign. Below: information "
     "criteria above their best; the smallest is preferred. Right: modes over the order; those that stay from one order to "
     "the next are likely those of the system."
 )
-LOOKS = {  # how a mode is drawn: by what of it the next lower order has too
+LOOKS: dict[str, dict[str, Any]] = {  # how a mode is drawn: by what of it the next lower order has too
     "new": {"marker": "cross", "size": 5, "colour": Role.MEASURED},
     "frequency stays": {"marker": "ring", "size": 4.5},
     "frequency and damping or shape stay": {"size": 5},
@@ -28,11 +31,13 @@ def order_figure(method: str, table: OrderTable) -> Figure:
 
     table : of `identify.orders.order_table`, at least one of whose orders was fitted.
     """
-    values, criteria = _singular_values(table), _criteria(table)
+    fitted = [row for row in table.rows if row.estimate is not None]
+    s = _relative(fitted)
+    limits = 0.5, max(fitted[-1].order, len(s)) + 0.5
     return Figure(
         name="orders",
         title=f"{method}: which order?",
-        panels=(values, criteria, _stabilisation(table)),
+        panels=(_singular_values(s, limits), _criteria(fitted, limits), _stabilisation(table)),
         caption=CAPTION,
         verdict=_verdict(table),
         height=4.6,
@@ -41,33 +46,24 @@ def order_figure(method: str, table: OrderTable) -> Figure:
     )
 
 
-def _orders(table: OrderTable) -> np.ndarray:
-    return np.array([row.order for row in table.rows if row.estimate is not None])
+def _relative(fitted: Sequence[OrderRow]) -> np.ndarray:
+    """Singular values of the largest order, relative to the first: twice as many as the order; none where it has none."""
+    estimate = fitted[-1].estimate
+    if estimate is None or estimate.singular_values is None or not len(estimate.singular_values):
+        return np.empty(0)
+    s = np.asarray(estimate.singular_values, float)[: max(2 * fitted[-1].order, 10)]
+    return np.maximum(s / s[0], 1e-14)
 
 
-def _singular_values(table: OrderTable) -> Panel:
-    orders = _orders(table)
-    s = next((r.estimate.singular_values for r in reversed(table.rows) if r.estimate is not None), None)
+def _singular_values(s: np.ndarray, limits: Range) -> Panel:
+    line = Line(np.arange(1, len(s) + 1), s, marker="dot", size=3, colour=Role.SIGNAL)
+    index = Axis("order", "", limits=limits, shared=True)
+    return Panel((line,) if len(s) else (), index, Axis("relative", "", "log"), "singular values")
+
+
+def _criteria(fitted: Sequence[OrderRow], limits: Range) -> Panel:
+    orders, top = np.array([row.order for row in fitted]), 10.0
     marks: list[Mark] = []
-    longest = 1
-    if s is not None and len(s):
-        shown = np.maximum(s[: max(2 * orders.max(), 10)] / s[0], 1e-14)
-        longest = len(shown)
-        marks.append(Line(np.arange(1, longest + 1), shown, marker="dot", size=3, colour=Role.SIGNAL))
-    index = Axis("order", "", limits=_order_limits(orders, longest), shared=True)
-    return Panel(marks, index, Axis("relative", "", "log"), "singular values")
-
-
-def _order_limits(orders: np.ndarray, longest: int) -> tuple[float, float]:
-    return 0.5, max(int(orders.max()), longest) + 0.5
-
-
-def _criteria(table: OrderTable) -> Panel:
-    fitted, orders = [row for row in table.rows if row.estimate is not None], _orders(table)
-    s = fitted[-1].estimate.singular_values
-    longest = 1 if s is None else len(s[: max(2 * orders.max(), 10)])
-    marks: list[Mark] = []
-    top = 10.0
     for name, label in CRITERIA.items():
         values = np.array([getattr(row.criteria, name) for row in fitted], float)
         values[~np.isfinite(values)] = np.nan
@@ -75,9 +71,8 @@ def _criteria(table: OrderTable) -> Panel:
             above = values - np.nanmin(values)
             top = max(top, np.nanmax(above))
             marks.append(Line(orders, above, style="dashed", marker="square", size=3, label=label, colour=label))
-    x = Axis("order", "", limits=_order_limits(orders, longest))
     y = Axis("above best", "", "symlog", limits=(-5.0, 3 * top), linear_within=10.0)
-    return Panel(marks, x, y, "criteria", row=1, legend="inside")
+    return Panel(marks, Axis("order", "", limits=limits), y, "criteria", row=1, legend="inside")
 
 
 def _stabilisation(table: OrderTable) -> Panel:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from excite.figures.colours import Role
 from excite.figures.figure import Axis, Figure, Line, Mark, Panel
 from excite.figures.thinning import MOST_POINTS_FIGURE, thin, window
 from excite.models.model import Dynamic
+from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.words import joined, number
 from identify.compare import Comparison, Row
@@ -77,12 +79,12 @@ def outputs(comparison: Comparison) -> Figure | None:
     )
 
 
-def _simulate(model: Dynamic, record: Experiment) -> np.ndarray:
+def _simulate(dynamic: Any, record: Experiment) -> np.ndarray:
     """Return the simulation of each gap-free part from the initial state that fits best (N, ny), NaN in the gaps.
 
     It is finite however far it diverges.
     """
-    model = model.to_state_space()
+    model: StateSpaceModel = dynamic.to_state_space()
     yhat = np.full(record.y.shape, np.nan)
     for part in gap_free((record,), PART * model.order).parts:
         with np.errstate(over="ignore", invalid="ignore"):

@@ -1,5 +1,7 @@
 """Errors against the truth, row by row."""
 
+from typing import Any
+
 import numpy as np
 
 from excite.figures.colours import Role
@@ -53,10 +55,10 @@ def _limits(rows: tuple[Row, ...], metric: str) -> Range:
 def _row(row: Row, metric: str, place: int, limits: Range) -> list[Mark]:
     """Marks of one row in %, on the line `place`."""
     q25, middle, q75 = np.clip(100 * quartiles(row, metric), *limits)
-    look = {"label": title(row), "colour": row.label}
+    look: dict[str, Any] = {"label": title(row), "colour": row.label}
     if not np.isfinite(middle):
-        text = "failed" if failed(row) else "no value"
-        return [Text(limits[0] * 1.1, place, text, label=title(row), colour=Role.NOTE)]
+        words = "failed" if failed(row) else "no value"
+        return [Text(limits[0] * 1.1, place, words, label=title(row), colour=Role.NOTE)]
     single = 100 * values(row, metric)
     text = Text(max([q75, *single]), place, number(100 * median(row, metric)), label=title(row), offset=(7.0, 0.0))
     return [

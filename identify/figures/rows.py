@@ -50,8 +50,10 @@ def failed(row: Row) -> bool:
     return any(trial.failure is not None for trial in row.trials)
 
 
-def s_plane(model: Dynamic) -> np.ndarray:
-    """Return the poles of a model in the s-plane, rad/s."""
+def s_plane(model: Model) -> np.ndarray:
+    """Return the poles of a model in the s-plane, rad/s; none where it has none."""
+    if not isinstance(model, Dynamic):
+        return np.empty(0, complex)
     return model.poles() if model.dt is None else continuous_poles(model.poles(), model.dt)
 
 
@@ -63,7 +65,7 @@ def true_poles(comparison: Comparison) -> np.ndarray | None:
     return continuous_poles(truth.poles, comparison.dt)
 
 
-def best_rows(comparison: Comparison, ability: type[Model] = Model) -> list[Row]:
+def best_rows(comparison: Comparison, ability: type = Model) -> list[Row]:
     """Return the best row of each label that gave a model with an ability, best first, at most MOST_LABELS."""
     best: dict[str, Row] = {}
     for row in comparison.rows:

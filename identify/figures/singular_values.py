@@ -60,8 +60,8 @@ def _verdict(rows: dict[Row, np.ndarray], comparison: Comparison) -> str:
     told = []
     for row, s in rows.items():
         if len(s) > 1:
-            order, ratio = largest_gap(s)
-            told.append(f"after {order} for {title(row)} (by a factor of {number(ratio)})")
+            after, ratio = largest_gap(s)
+            told.append(f"after {after} for {title(row)} (by a factor of {number(ratio)})")
     order = _true_order(comparison)
     truth = "" if order is None else f"; the truth has order {order}"
     return f"The widest drop comes {joined(told)}{truth}." if told else capital(f"one singular value only{truth}.")

@@ -1,6 +1,7 @@
 """One plant on one page: step response, Bode diagram and poles of the truth of each view."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def _row(row: int, view: str, truth: Truth) -> list[Panel]:
     pairs = [divmod(int(k), gains.shape[1]) for k in np.argsort(-gains.ravel(), kind="stable")]
     pairs = [pair for pair in pairs if gains[pair] > 1e-12 * gains.max(initial=0)]
     drawn = pairs[:MOST_PAIRS]
-    looks = [
+    looks: list[dict[str, Any]] = [
         {"colour": _key(k), "label": f"{model.inputs[j].name} → {model.outputs[i].name}"}
         for k, (i, j) in enumerate(drawn)
     ]

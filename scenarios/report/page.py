@@ -204,9 +204,10 @@ def _figure(figures: Mapping[str, Drawn], key: str, alt: str) -> str:
     figure = figures[key].figure
     data = base64.b64encode(figures[key].svg.encode("utf-8")).decode("ascii")
     verdict, caption = escape(figure.verdict), escape(figure.caption)
+    said = f"<strong>{verdict}</strong> " if verdict else ""
     return (
         f'<figure id="figure-{escape(key)}"><img alt="{escape(alt)}. {verdict} {caption}" '
-        f'src="data:image/svg+xml;base64,{data}"><figcaption><strong>{verdict}</strong> {caption}</figcaption></figure>'
+        f'src="data:image/svg+xml;base64,{data}"><figcaption>{said}{caption}</figcaption></figure>'
     )
 
 

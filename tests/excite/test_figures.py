@@ -90,6 +90,7 @@ def test_the_numbers_of_a_mark_are_its_own():
     [
         (lambda: Line([1, 2], [1, 2, 3], label="bent"), r"Line 'bent': shapes x \(2,\), y \(3,\); give \(k,\) arrays"),
         (lambda: Points([[1, 2]], [[1, 2]]), "arrays of one length"),
+        (lambda: Rule(label="r"), "Rule 'r': x None, y None; give one of the two"),
         (lambda: Axis("f", "Hz", "log", limits=(0, 1)), r"Axis 'f \[Hz\]': limits \(0, 1\) of a log axis; give two"),
         (lambda: Axis(limits=(1, 1)), "give two different finite numbers"),
         (lambda: Axis(limits=(0, np.nan)), "give two different finite numbers"),

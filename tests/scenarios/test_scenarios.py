@@ -10,6 +10,7 @@ import sys
 import time
 import tomllib
 from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
