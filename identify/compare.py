@@ -15,6 +15,7 @@ from identify.data.records import Data, Records
 from identify.estimate import Estimate
 from identify.fit import fit
 from identify.method import Method
+from identify.metrics.fits import floor_metric
 from identify.metrics.frequency import band_of
 from identify.metrics.ranking import ranking_value
 from identify.registry import METHODS, load_method
@@ -134,6 +135,14 @@ class Comparison:
     def best(self) -> Row | None:
         """The first row that gave a model in every trial."""
         return next((row for row in self.rows if row.reason is None), None)
+
+    @property
+    def floor(self) -> tuple[str, float] | None:
+        """The linearisation floor: its metric and the truth's value, None without a truth or where it has no value."""
+        if self.truth is None or self.truth_score is None:
+            return None
+        name = floor_metric(self.truth, self.horizons)
+        return (name, self.truth_score.values[name]) if name in self.truth_score.values else None
 
     @property
     def failed(self) -> bool:

@@ -45,8 +45,8 @@ def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], pl
 
 def draw_plant(plant: Plant, path: str) -> None:
     """Draw the truth of every view of a plant into a file."""
-    from scenarios.report.plant_figure import plant_figure
-    from scenarios.report.signal_figure import save_figure
+    from excite.figures.save import save_figure
+    from plants.figures.plant import plant_figure
 
     save_figure(plant_figure(plant.name, {key: plant.truth(None, key) for key in plant.views}), path)
 

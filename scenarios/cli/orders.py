@@ -56,8 +56,8 @@ def orders(
     if not table.chosen:
         raise ExciteError(f"{', '.join(file)}: no order of {wanted} could be fitted: {table.rows[0].reason}")
     if plot is not None:
-        from scenarios.report.order_figure import order_figure
-        from scenarios.report.signal_figure import save_figure
+        from excite.figures.save import save_figure
+        from identify.figures.orders import order_figure
 
         save_figure(order_figure(method, table), plot)
     if as_json:

@@ -22,7 +22,7 @@ plot_option = click.option(
     "--plot",
     type=click.Path(),
     metavar="FILE",
-    help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf).",
+    help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf, or its data: .json, .csv).",
 )
 
 
@@ -102,6 +102,7 @@ def plot_later(path: str | None) -> Callable[[Signal, str | None], None]:
     if path is None:
         return lambda signal, limits: None
     new_file(path)
-    from scenarios.report.signal_figure import save_figure, signal_figure
+    from excite.figures.save import save_figure
+    from excite.figures.signal import signal_figure
 
     return lambda signal, limits: save_figure(signal_figure(signal, read_limits(limits) if limits else None), path)

@@ -1,23 +1,20 @@
 """The columns of the ranking table, from the table of metrics, and numbers as text."""
 
-import numpy as np
-
+from excite.words import number
+from identify.compare import Comparison
 from identify.metrics.metric import Metric
 from identify.metrics.registry import find_metric, metrics_at, table
-from scenarios.run.results import ViewResult
-
-NONE = "–"
 
 
-def columns_of(view: ViewResult, compact: bool = False) -> tuple[list[Metric], list[str]]:
-    """Return the metrics that a view's table shows, those at its prediction horizons behind the others, and their headers.
+def columns_of(found: Comparison, compact: bool = False) -> tuple[list[Metric], list[str]]:
+    """Return the metrics that a comparison's table shows, those at its prediction horizons behind the others, and their headers.
 
     compact : only those that fit a terminal, under short headers.
     """
-    names = {name for row in view.rows for s in row.scores for name in s.values}
+    names = {name for row in found.rows for s in row.scores for name in s.values}
     horizons = {metric.horizon for name in names if (metric := find_metric(name)) is not None} - {None}
     shown = [m for m in metrics_at(sorted(horizons)) if (m.compact if compact else m.column)]
-    return shown, [m.short_title(view.dt) if compact else m.title(view.dt) for m in shown]
+    return shown, [m.short_title(found.dt) if compact else m.title(found.dt) for m in shown]
 
 
 def legend() -> list[tuple[str, str, str]]:
@@ -29,17 +26,6 @@ def legend() -> list[tuple[str, str, str]]:
     quartiles = "Quartiles over the estimation runs.", "Errors that all runs share, such as bias or a wrong order."
     rows[quartiles] = ["[q25 q75]"]
     return [("; ".join(names), *texts) for texts, names in rows.items()]
-
-
-def number(value: float, decimals: int | None = None) -> str:
-    """Return a number as text: fixed decimals, or three digits without needless powers of ten."""
-    if not np.isfinite(value):
-        return NONE if np.isnan(value) else "∞" if value > 0 else "−∞"
-    if decimals is not None:
-        return f"{value:.{decimals}f}"
-    if value == 0 or 1e-4 <= abs(value) < 999.5:
-        return f"{value:.3g}"
-    return f"{value:.0f}" if 1 <= abs(value) < 1e5 else f"{value:.1e}"
 
 
 def complex_text(s: complex) -> str:

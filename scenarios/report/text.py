@@ -24,22 +24,35 @@ def summary_text(result: RunResult) -> list[str]:
     if result.expectations:
         lines += [*to_text(*expectations(result)).splitlines(), ""]
     lines += [f"warning: {warning}" for warning in result.warnings]
+    lines += [f"note: {note}" for note in result.notes]
+    if result.old:
+        lines.append(f"old: no longer asked for, and left where it is: {listed(result.old)}")
     return [*lines, f"report: {result.folder / 'report.html'}"]
 
 
+def failures(result: RunResult) -> list[str]:
+    """Return one line for each row that failed otherwise than with an answer in words."""
+    return [
+        f"{view.name}: {row.title}: {row.failures[0].reason} (the traceback is in scores.json)"
+        for view in result.views
+        for row in view.comparison.rows
+        if any(failure.traceback for failure in row.failures)
+    ]
+
+
 def _view(result: RunResult, view: ViewResult) -> list[str]:
-    roles, name = view.spec.roles, view.spec.name
+    roles, name, found = view.view.roles, view.name, view.comparison
     kind = "in closed loop" if roles.closed else "inputs free of feedback"
-    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {view.dt * 1e3:g} ms; {kind}"
-    lines = [title, *view.horizons.notes]
+    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {found.dt * 1e3:g} ms; {kind}"
+    lines = [title, *view.rule.notes]
     if view.predictor_radius is not None:
         lines.append(f"truth's predictor A - KC: spectral radius {view.predictor_radius:.4f}")
     judged = "reference" if roles.closed else "input"
     certificate = certificate_text(result.certificates[name])
     lines += [f"{judged}: {certificate[0]}", *(f"  {line}" for line in certificate[1:])]
-    lines += ["", *to_text(*ranking(view, compact=True)).splitlines()]
-    lines += [f"  {row.label}: {text}" for row in view.rows if (text := note(view, row))]
-    return [*lines, *wrap(verdict(view, result.scenario.rank_by), WIDTH), ""]
+    lines += ["", *to_text(*ranking(found, compact=True)).splitlines()]
+    lines += [f"  {row.title}: {text}" for row in found.rows if (text := note(found, row))]
+    return [*lines, *wrap(verdict(found), WIDTH), ""]
 
 
 def pole_std(estimate: Estimate) -> np.ndarray | None:

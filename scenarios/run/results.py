@@ -8,7 +8,6 @@ from typing import Any
 from excite.persistency.certificate import Certificate
 from excite.types.signal import Signal
 from identify.compare import STATISTICS, Comparison, Row
-from identify.metrics.fits import floor_metric
 from identify.steps.kalman import spectral_radius
 from scenarios.run.pieces import View
 from scenarios.scenario.sampling_rule import Horizons
@@ -27,15 +26,6 @@ class ViewResult:
     def name(self) -> str:
         """Name of the view."""
         return self.view.name
-
-    @property
-    def floor(self) -> tuple[str, float] | None:
-        """The linearisation floor: its metric and the truth's value, None without a truth or where it has no value."""
-        found = self.comparison
-        if found.truth is None:
-            return None
-        name = floor_metric(found.truth, found.horizons)
-        return (name, found.truth_score.values[name]) if name in found.truth_score.values else None
 
     @property
     def predictor_radius(self) -> float | None:
@@ -97,7 +87,7 @@ def _view_json(view: ViewResult) -> dict[str, Any]:
         "band_hz": found.band_hz,
         "truth_kind": found.truth and found.truth.kind,
         "predictor_spectral_radius": view.predictor_radius,
-        "floor": view.floor,
+        "floor": found.floor,
         "truth": found.truth_score and found.truth_score.values,
         "rank_by": found.rank_by,
         "ranking": [{"rank": i + 1, **row_json(row)} for i, row in enumerate(found.rows)],
