@@ -125,7 +125,8 @@ WANTS = {
     "channels": KNOWN,
     "units": "as the channels say, or none",
     "samples": f"at most {player.MOST_SECONDS:g} s; dt of {player.LEAST_DT_S:g} to {player.MOST_DT_S:g} s, longer, or a "
-    f"finer one held that long; roll and pitch within {player.MOST['roll']:g} deg, yaw rate within {player.MOST['yawrate']:g} deg/s",
+    "finer one held that long; roll and pitch within "
+    f"{player.MOST['roll']:g} deg, yaw rate within {player.MOST['yawrate']:g} deg/s",
 }
 TABLE = Format(
     "set-points of a Crazyflie, CSV that any client plays; needs an absolute thrust",

@@ -85,6 +85,25 @@ FORMATS: Registry[Format] = Registry(
 )
 
 
+def describe_format(name: str) -> dict[str, Any]:
+    """Return a description of a format in plain values.
+
+    Keys: summary; extensions; reads, writes, plays (on hardware, so that the signal is quantised), one_channel (per file):
+    true or false; wants: what a signal must be, in words; package: name and version of the plug-in it comes from, or None.
+    """
+    given, package = FORMATS[name], FORMATS.distribution(name)
+    return {
+        "summary": given.summary,
+        "extensions": list(given.extensions),
+        "reads": given.read is not None,
+        "writes": given.write is not None,
+        "plays": given.quantise is not None,
+        "one_channel": given.one_channel,
+        "wants": dict(given.wants),
+        "package": None if package is None else " ".join(package),
+    }
+
+
 def named(extension: str) -> list[str]:
     """Return the names of the formats with an extension, the one that answers for it first."""
     return [name for name, given in _in_order() if extension in given.extensions]

@@ -1,11 +1,13 @@
 """What the hardware allows: limits of the command and of the predicted outputs, and the check of a signal against them."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError, did_you_mean, placed
+from excite.files.toml import read_toml
 from excite.models.state_space import StateSpaceModel
 from excite.types.channel import positive
 from excite.types.signal import Signal
@@ -254,6 +256,13 @@ def check(signal: Signal, limits: Limits) -> LimitReport:
         y = output.model.simulate(u)
         checks += _extremes("output low", "output high", y, *output.bounds(), output.model.outputs, dt)
     return LimitReport(tuple(checks))
+
+
+def load_limits(path: str | os.PathLike) -> Limits:
+    """Read a TOML file with the fields of `Limits`; errors name the file."""
+    table = read_toml(path)
+    with placed(str(path)):
+        return Limits.from_dict(table)
 
 
 def moves(signal: Signal, hold: int) -> np.ndarray:

@@ -4,17 +4,9 @@ import click
 import numpy as np
 
 from excite.errors import ExciteError, placed
-from scenarios.cli.common import (
-    ProgressLine,
-    assignments,
-    data_options,
-    json_option,
-    new_folder,
-    parse_orders,
-    print_json,
-    print_lines,
-    read_experiment,
-)
+from scenarios.cli.common import assignments, json_option, parse_orders
+from scenarios.cli.output import ProgressLine, new_folder, print_json, print_lines
+from scenarios.cli.reading import data_options, read_experiment
 
 
 @click.command()
@@ -41,23 +33,12 @@ def compare(
     """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
     from identify.estimate_json import estimate_to_dict
     from identify.fit import fit
-    from identify.registry import load_method, method_class
     from identify.score import score
+    from identify.settings import load_methods
     from scenarios.run.store import write_json
 
-    names, wanted, options = (
-        [m.strip() for m in methods.split(",")],
-        parse_orders(orders),
-        assignments(settings, "--set"),
-    )
-    kinds = {name: method_class(name) for name in names}
-    for key in options:
-        if not any(key in kind.__dataclass_fields__ for kind in kinds.values()):
-            raise ExciteError(f"--set {key}: none of {', '.join(names)} has this setting")
-    chosen = {
-        name: load_method(name, **{k: v for k, v in options.items() if k in kind.__dataclass_fields__})
-        for name, kind in kinds.items()
-    }
+    wanted = parse_orders(orders)
+    chosen = load_methods([m.strip() for m in methods.split(",")], assignments(settings, "--set"))
     target = new_folder(folder)
     data = [read_experiment(path, **reading) for path in file]
     if validation is not None:

@@ -174,7 +174,7 @@ def test_interruption_is_130(monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes end otherwise there")
-@pytest.mark.parametrize("module", ["excite.errors", "scenarios.cli.catalogue"])
+@pytest.mark.parametrize("module", ["excite.errors", "scenarios.cli.methods"])
 def test_interruption_while_packages_load_is_quiet(module):
     code = f"""
 import os, signal, sys
