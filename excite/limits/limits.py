@@ -22,7 +22,7 @@ class OutputLimit:
     """Bounds on what a model predicts the command to cause, from trim on.
 
     model : from all channels of the signal to the limited outputs, open or closed loop, at the signal's dt; trim is the
-    model's offsets with zero state. low, high : bounds in the outputs' units, one number or one an output; None, or an
+    model's offsets with zero state. low, high : bounds in the outputs' units, one number, or one per output; None, or an
     infinite one, is free.
     """
 
@@ -68,7 +68,7 @@ class OutputLimit:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits of the hardware; None is no limit, one number holds for all channels, or give one a channel.
+    """Limits of the hardware; None is no limit, one number holds for all channels, or give one per channel.
 
     amplitude : largest |u|, in the channel's unit; low, high : bounds that need not be symmetric;
     rate : largest |du/dt|, unit/s, counted between held values; move : largest change between held values, unit;
@@ -302,7 +302,7 @@ def _below(name: str, channel: str, value: float, allowed: float, where_s: float
 
 
 def per_channel(value: Number, names: Sequence[str], place: str, default: float) -> np.ndarray:
-    """One number a channel, (nu,); `default` where there is no limit, which infinity says too."""
+    """Return one number per channel, (nu,); `default` where there is no limit, which infinity says too."""
     if value is None:
         return np.full(len(names), default)
     try:

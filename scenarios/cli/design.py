@@ -13,7 +13,8 @@ from excite.files.toml import read_toml
 from excite.generators import GENERATORS
 from excite.limits.limits import Limits, load_limits
 from excite.limits.played import Played, prepare
-from excite.proposal.proposal import KINDS, Knowledge, knowledge_of
+from excite.proposal.knowledge import Knowledge, knowledge_of
+from excite.proposal.proposal import KINDS
 from excite.proposal.proposal import propose as propose_design
 from excite.types.signal import Signal
 from scenarios.cli.common import json_option, limits_option, plot_option, toml_value
