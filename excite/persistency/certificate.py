@@ -92,11 +92,11 @@ def certify(data: Data, block_rows: int = 20, noise_floor: float | Sequence[floa
     """Certify the input of a signal or of experiments (side by side: collective persistency) up to `block_rows`.
 
     An input is persistently exciting of order s when the covariance of s successive samples is non-singular, that is,
-    when its block-Hankel matrix with s block rows has full row rank s nu (Zaffalon and Hofmann, System Identification, ETH
-    Zurich 2024, 4.0.4; several records: van Waarde
-    et al., IEEE L-CSS 4, 2020). The order comes from the well-conditioned one of three views: the triangular factor of
-    the Hankel matrix (from its Gram matrix; by QR where that would lose the small singular values), the spectral lines
-    of a period, or a tall Hankel matrix (`excite.persistency.rank`).
+    when its block-Hankel matrix with s block rows has full row rank s nu (Zaffalon and Hofmann, System Identification,
+    ETH Zurich 2024, 4.0.4; several records: van Waarde et al., IEEE L-CSS 4, 2020). The order comes from the
+    well-conditioned one of three views: the triangular factor of the Hankel matrix (from its Gram matrix; by QR where
+    that would lose the small singular values), the spectral lines of a period, or a tall Hankel matrix
+    (`excite.persistency.rank`).
 
     Parameters
     ----------
