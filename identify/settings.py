@@ -29,5 +29,7 @@ def load_methods(names: Iterable[str], settings: Mapping[str, Any] | None = None
     known = {setting for name in names for setting in method_class(name).setting_names()}
     for key in settings:
         if key not in known:
-            raise ExciteError(f"setting '{key}': none of {', '.join(names)} has this setting; {did_you_mean(key, known)}")
+            raise ExciteError(
+                f"setting '{key}': none of {', '.join(names)} has this setting; {did_you_mean(key, known)}"
+            )
     return {name: load_method(name, **settings_for(name, settings)) for name in names}

@@ -21,6 +21,23 @@ plot_option = click.option(
 )
 
 
+class Order(click.ParamType):
+    """A model order, or the name of a rule that chooses it."""
+
+    name = "order"
+
+    def convert(self, value: str | int, param: click.Parameter | None, ctx: click.Context | None) -> str | int:
+        """Return a whole number, or the name of a rule."""
+        try:
+            return int(value)
+        except ValueError:
+            from identify.orders.rules import ORDER_RULES
+
+            if value not in ORDER_RULES:
+                self.fail(f"{value!r} is not a valid integer, nor a rule; rules: {', '.join(ORDER_RULES)}", param, ctx)
+            return value
+
+
 def toml_value(text: str) -> Any:
     """Read a TOML value (20, 1.5, true, [1, 2], "a"); anything else is text, and 1,2,3 a list."""
     for candidate in (text, f"[{text}]"):

@@ -20,6 +20,7 @@ REGISTRIES = (
     "excite.files.formats:FORMATS",
     "plants.plant:PLANTS",
     "identify.registry:METHODS",
+    "identify.orders.rules:ORDER_RULES",
     "identify.score:METRICS",
 )
 

@@ -6,7 +6,7 @@ import click
 import numpy as np
 
 from excite.errors import placed
-from scenarios.cli.common import assignments, json_option
+from scenarios.cli.common import Order, assignments, json_option
 from scenarios.cli.output import new_file, print_json, print_lines
 from scenarios.cli.reading import data_options, read_experiment
 
@@ -14,7 +14,12 @@ from scenarios.cli.reading import data_options, read_experiment
 @click.command()
 @click.argument("file", nargs=-1, required=True, type=click.Path())
 @click.option("--method", required=True, metavar="NAME", help="Identification method; `excite methods` lists them.")
-@click.option("--order", type=int, help="Model order; chosen at the largest singular-value gap when not given.")
+@click.option(
+    "--order",
+    type=Order(),
+    metavar="N|RULE",
+    help="Model order, or the rule that chooses it: gap (largest singular-value gap, also when not given), aic, aicc, bic.",
+)
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Method setting, e.g. block_rows=20.")
 @data_options
 @click.option("-o", "out", type=click.Path(), help="Model file to write (JSON).")
@@ -22,7 +27,7 @@ from scenarios.cli.reading import data_options, read_experiment
 def identify(
     file: tuple[str, ...],
     method: str,
-    order: int | None,
+    order: int | str | None,
     settings: tuple[str, ...],
     out: str | None,
     as_json: bool,
