@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.common import ProgressLine, json_option, print_json, print_lines
+from scenarios.cli.common import json_option
+from scenarios.cli.output import ProgressLine, print_json, print_lines
 
 
 @click.command()

@@ -7,7 +7,8 @@ from excite.errors import DesignRefused, ExciteError
 from excite.generators import GENERATORS
 from excite.models.state_space import StateSpaceModel
 from excite.persistency.certificate import certify
-from excite.proposal.proposal import KINDS, Knowledge, knowledge_of, propose
+from excite.proposal.knowledge import Knowledge, knowledge_of
+from excite.proposal.proposal import KINDS, propose
 
 KNOWN = Knowledge(bandwidth_hz=5.0, settling_s=2.0, limit=3.0, noise=0.3, gain=0.5)
 

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
+from importlib import import_module
 from pathlib import Path
 from signal import SIGINT
 
@@ -174,7 +175,7 @@ def test_interruption_is_130(monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="processes end otherwise there")
-@pytest.mark.parametrize("module", ["excite.errors", "scenarios.cli.catalogue"])
+@pytest.mark.parametrize("module", ["excite.errors", "scenarios.cli.methods"])
 def test_interruption_while_packages_load_is_quiet(module):
     code = f"""
 import os, signal, sys
@@ -328,6 +329,12 @@ def test_identify_chooses_an_order_and_says_so(data):
     assert any("largest singular-value gap" in warning for warning in result["warnings"])
 
 
+@pytest.mark.parametrize("rule", ["gap", "aic", "aicc", "bic"])
+def test_identify_takes_the_rule_that_chooses_the_order(rule, data):
+    result = strict(excite(*identify(data, "--order", rule, "--json"))[1])
+    assert any(f"order {result['order']} chosen" in w and rule in w.lower() for w in result["warnings"])
+
+
 def test_json_stays_strict_where_a_number_is_missing(tmp_path):
     values = samples()
     values[:, 1] = np.where(np.arange(300) < 200, values[:, 1], 2.0)
@@ -350,7 +357,7 @@ def test_outputs_that_cannot_be_written_are_refused_before_any_work(data, tmp_pa
     def never(*_):
         raise AssertionError("worked first")
 
-    monkeypatch.setattr("identify.method.Method.fit", never)
+    monkeypatch.setattr(import_module("identify.fit"), "fit", never)
     for out, text in (
         ("", "is a folder"),
         (tmp_path, "is a folder"),
@@ -649,7 +656,7 @@ def test_orders_says_what_speaks_for_each(data, tmp_path):
     code, out, _ = excite(*asked, "--plot", tmp_path / "o.png", "--json")
     table = strict(out)
     assert code == 0 and [row["order"] for row in table["orders"]] == [1, 2, 3, 4, 5, 6]
-    assert set(table["chosen"]) == {"gap", "aic", "bic"} and table["chosen"]["bic"] >= 2
+    assert set(table["chosen"]) == {"gap", "aic", "aicc", "bic"} and table["chosen"]["bic"] >= 2
     assert (tmp_path / "o.png").stat().st_size > 10_000
     text = excite(*asked)[1]
     assert f"BIC: {table['chosen']['bic']}" in text and text.splitlines()[0].split()[0] == "order"
