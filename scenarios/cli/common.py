@@ -4,7 +4,7 @@ import json
 import os
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -120,14 +120,6 @@ def parse_orders(text: str) -> list[int]:
     if not orders or min(orders) < 1:
         raise ExciteError(f"--orders {text}: give positive whole numbers as 4, or 2,4,8, or 2:10")
     return sorted(set(orders))
-
-
-def grouped(reasons: Mapping[str, str]) -> list[tuple[str, list[str]]]:
-    """Return (reason, names) of metrics without a value, each reason once."""
-    groups: dict[str, list[str]] = {}
-    for name, reason in reasons.items():
-        groups.setdefault(reason, []).append(name)
-    return list(groups.items())
 
 
 def print_json(value: Any) -> None:

@@ -8,7 +8,6 @@ from scenarios.cli.common import (
     ProgressLine,
     assignments,
     data_options,
-    grouped,
     json_option,
     new_folder,
     parse_orders,
@@ -100,6 +99,7 @@ def compare(
 def _table(rows: list[dict]) -> list[str]:
     """Return the table of all metrics with a value in some row; below it, why the others have none."""
     from identify.metrics.registry import metrics_at
+    from identify.score import by_reason
     from scenarios.report.columns import NONE, number
     from scenarios.report.tables import to_text
 
@@ -112,7 +112,8 @@ def _table(rows: list[dict]) -> list[str]:
         rank = str(i + 1) if RANK_BY in row["values"] else NONE
         text.append([rank, row["method"], str(row["order"]), *cells])
         lacking = {metric.name: row["reasons"][metric.name] for metric in shown if metric.name not in row["values"]}
-        notes += [f"{row['method']} n={row['order']}: no {', '.join(names)}: {why}" for why, names in grouped(lacking)]
+        label, reasons = f"{row['method']} n={row['order']}", by_reason(lacking)
+        notes += [f"{label}: no {', '.join(names)}: {reason}" for reason, names in reasons.items()]
     failed = [f"{row['method']} n={row['order']} failed: {row['reason']}" for row in rows if row["reason"] is not None]
     headers = ["rank", "method", "order", *(f"{metric.name} {metric.unit}" for metric in shown)]
     return [*to_text(headers, text).splitlines(), *notes, *failed]

@@ -12,7 +12,6 @@ from excite.types.truth import Truth
 from scenarios.cli.common import (
     assignments,
     data_options,
-    grouped,
     json_option,
     new_file,
     print_json,
@@ -86,6 +85,7 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
     from identify.estimate_json import load_estimate
     from identify.metrics.metric import Need
     from identify.metrics.registry import find_metric
+    from identify.score import by_reason
     from identify.score import score as score_estimate
     from identify.score_json import score_to_dict
 
@@ -102,8 +102,8 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
             click.echo(f"{name:<34} {value:>10.4g}  {metric.summary}")
     unasked = {Need.CLEAN} | ({Need.TRUTH, Need.TRUE_MODEL} if known is None else set())
     lacking = {name: why for name, why in result.reasons.items() if not find_metric(name).needs & unasked}
-    for why, names in grouped(lacking):
-        click.echo(f"no {', '.join(names)}: {why}")
+    for reason, names in by_reason(lacking).items():
+        click.echo(f"no {', '.join(names)}: {reason}")
     return 0
 
 

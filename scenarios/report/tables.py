@@ -11,7 +11,7 @@ from excite.persistency.certificate import Certificate
 from identify.estimate import Status
 from identify.metrics.metric import Metric, Need
 from identify.metrics.poles import pole_errors
-from identify.score import absent
+from identify.score import absent, by_reason
 from scenarios.report.columns import NONE, columns_of, complex_text, number
 from scenarios.report.rows import diverging, first_estimate, spread, trusted
 from scenarios.run.results import Row, RunResult, ViewResult
@@ -85,12 +85,17 @@ def note(view: ViewResult, row: Row) -> str:
 
 def _without_value(view: ViewResult, row: Row) -> list[str]:
     """Return which metrics that others have the row lacks, and why."""
-    reasons, lacking = absent(row.scores), {}
-    for metric in columns_of(view)[0]:
-        if np.isnan(spread(row, metric.name)["median"]) and metric.name in reasons:
-            if any(np.isfinite(spread(other, metric.name)["median"]) for other in view.rows):
-                lacking.setdefault(reasons[metric.name], []).append(metric.words(view.dt))
-    return [f"no {', '.join(names)}: {reason}" for reason, names in lacking.items()]
+    reasons = absent(row.scores)
+    lacking = {
+        metric.words(view.dt): reasons[metric.name]
+        for metric in columns_of(view)[0]
+        if metric.name in reasons and not _has_value(row, metric) and any(_has_value(r, metric) for r in view.rows)
+    }
+    return [f"no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
+
+
+def _has_value(row: Row, metric: Metric) -> bool:
+    return bool(np.isfinite(spread(row, metric.name)["median"]))
 
 
 def true_poles(view: ViewResult) -> Table:
