@@ -64,13 +64,13 @@ class Continuous(Dynamic):
     def poles(self):
         return np.log(self.model.poles()) / self.model.dt
 
-    def impulse(self, count):
+    def impulse(self, count, dt=None):
         raise AssertionError("asked for samples of a model in continuous time")
 
     def simulate(self, u, x0=None):
         return self.model.simulate(u, x0)
 
-    def to_state_space(self):
+    def to_state_space(self, dt=None):
         return self.model
 
 
