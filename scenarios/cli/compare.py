@@ -1,6 +1,5 @@
 """excite compare."""
 
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -81,29 +80,22 @@ def compare(
 
 
 def _table(found: "Comparison") -> list[str]:
-    from excite.words import number
+    """Return the table of all metrics with a value in some row; below it, why the others have none."""
+    from excite.words import NONE, number
+    from identify.metrics.registry import metrics_at
+    from identify.score import by_reason
     from scenarios.report.tables import to_text
 
-    shown = ("fit_simulation", "fit_one_step", "vaf_simulation", "vaf_one_step")
     good = [row for row in found.rows if row.estimates]
-    text = [
-        [
-            str(i + 1),
-            row.label,
-            "" if row.order is None else str(row.order),
-            *("" if name not in row.summary else number(row.statistics(name)["median"], 2) for name in shown),
-        ]
-        for i, row in enumerate(good)
-    ]
+    shown = [metric for metric in metrics_at(()) if any(metric.name in row.summary for row in good)]
+    text, notes = [], []
+    for i, row in enumerate(good):
+        values = [row.statistics(metric.name)["median"] for metric in shown]
+        cells = [number(metric.scale * value, metric.decimals) for metric, value in zip(shown, values, strict=True)]
+        rank = NONE if row.reason is not None else str(i + 1)
+        text.append([rank, row.label, NONE if row.order is None else str(row.order), *cells])
+        lacking = {metric.name: row.reasons[metric.name] for metric in shown if metric.name not in row.summary}
+        notes += [f"{row.title}: no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
     failed = [f"{row.title} failed: {row.reason}" for row in found.rows if not row.estimates]
-    notes = [f"{row.title}: {text}" for row in good for text in _grouped(row.reasons, shown)]
-    return [*to_text(["rank", "method", "order", *(f"{name} %" for name in shown)], text).splitlines(), *notes, *failed]
-
-
-def _grouped(reasons: Mapping[str, str], shown: Sequence[str]) -> list[str]:
-    """Return why metrics that the table shows have no value, each reason once."""
-    groups: dict[str, list[str]] = {}
-    for name in shown:
-        if name in reasons:
-            groups.setdefault(reasons[name], []).append(name)
-    return [f"no {', '.join(names)}: {reason}" for reason, names in groups.items()]
+    headers = ["rank", "method", "order", *(f"{metric.name} {metric.unit}" for metric in shown)]
+    return [*to_text(headers, text).splitlines(), *notes, *failed]

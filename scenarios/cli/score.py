@@ -26,6 +26,7 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
     """Score MODEL (from `excite identify -o`) on the data in FILE."""
     from identify.estimate_json import load_estimate
     from identify.metrics.registry import find_metric
+    from identify.score import by_reason
     from identify.score import score as score_estimate
 
     estimate = load_estimate(model)
@@ -49,7 +50,7 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
         if not name.endswith("_unclipped"):
             note = metric.summary if (metric := find_metric(name)) else ""
             click.echo(f"{name:<34} {value:>10.4g}  {note}")
-    for reason, names in grouped(result.reasons):
+    for reason, names in by_reason(result.reasons).items():
         click.echo(f"no {', '.join(names)}: {reason}")
     return 0
 
