@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg as la
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from random_models import PARAMETRIC, foster, polynomial, random_record, state_space
 
@@ -38,7 +38,12 @@ def test_doubling_solves_the_least_squares_problem(seed, n, ny, samples, radius)
     x = free_response_fit(A, C, y)
     expected, response = least_squares(A, C, y)
     assert x.shape == (n,)
-    np.testing.assert_allclose(response @ x, response @ expected, atol=1e-7 * max(np.abs(y).max(), 1))
+    if n == 0:
+        return
+    values = la.svdvals(response) / la.norm(response, 2)
+    assume(not ((values > HIDDEN / 10) & (values < HIDDEN * 10)).any())  # else rounding decides what y shows
+    rounding = 1e-13 * la.norm(response, 2) * la.norm(expected)
+    np.testing.assert_allclose(response @ x, response @ expected, atol=1e-9 * np.abs(y).max() + rounding)
 
 
 def test_doubling_finds_the_state_behind_a_long_response():
