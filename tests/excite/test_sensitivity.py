@@ -22,6 +22,7 @@ from excite.numerics.sensitivity import (
     predictor_gram,
     similarity,
 )
+from excite.numerics.simulate import BLOCK
 
 
 @pytest.fixture(params=PARAMETRIC)
@@ -63,7 +64,7 @@ def test_blocks_join_without_a_seam(model, monkeypatch):
     record, x0 = random_record(rng, model, 333), rng.standard_normal(model.order)
     whole, gram = (use(model, record, x0=x0, initial=True) for use in (predictor_derivatives, predictor_gram))
     monkeypatch.setattr(derivatives, "VALUES", 1)
-    assert len(list(blocks(model, record, x0))) == -(-333 // 32)
+    assert len(list(blocks(model, record, x0))) == -(-333 // BLOCK)
     in_blocks = predictor_derivatives(model, record, 17, 301, x0=x0, initial=True)
     np.testing.assert_allclose(in_blocks, whole[17:301], atol=1e-11)
     summed = predictor_gram(model, record, x0=x0, initial=True)
