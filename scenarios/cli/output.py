@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def print_json(value: Any) -> None:
     """Print one strict JSON object on stdout."""
-    from identify.estimate_json import plain  # here, because `excite doctor` must work where our identify is not found
+    from excite.plain import plain  # here, because `excite doctor` must work where our identify is not found
 
     click.echo(json.dumps(plain(value), indent=1, allow_nan=False))
 
