@@ -18,7 +18,8 @@ from identify.estimate import Estimate
 from identify.examples import closed_loop, example_of, series
 from identify.fit import fit
 from identify.method import Method, with_settings
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
 from identify.state_space_method import StateSpaceMethod
 from identify.steps.kalman import spectral_radius
 from identify.steps.shift import Shift

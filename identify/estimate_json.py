@@ -9,11 +9,12 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.models.model import Model
+from excite.models.modes import continuous_poles
 from excite.models.polynomial import PolynomialModel
 from excite.models.state_space import StateSpaceModel
+from excite.plain import plain as plain
 from excite.types.frozen import Frozen
 from identify.estimate import Estimate, Status
-from identify.metrics.metrics import continuous_poles
 from identify.uncertainty.first_order import FirstOrder
 from identify.uncertainty.uncertainty import Uncertainty
 from identify.uncertainty.withheld import Withheld
@@ -23,21 +24,6 @@ ARRAYS = {
     "state_space": (StateSpaceModel, ("A", "B", "C", "D", "K", "innovation_cov", "input_offset", "output_offset")),
     "polynomial": (PolynomialModel, ("a", "b", "innovation_cov")),
 }
-
-
-def plain(value: Any) -> Any:
-    """Return value with arrays as nested lists and non-finite numbers as None."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 def estimate_to_dict(estimate: Estimate, fit: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -1,31 +1,44 @@
-"""What a user gives a plant: preset and parameters, noise levels, a seed, and the signal at its place of entry."""
+"""What a user gives a plant: a preset, parameters by name, noise levels, a seed."""
 
-import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from excite.errors import DesignRefused, ExciteError, did_you_mean
-from excite.types.signal import Signal
-from plants.plant import Injection, Parameter
+from excite.arguments import bad, number, whole
+from excite.errors import ExciteError, did_you_mean
 
-STEP_TOLERANCE = 1e-9
+ALLOWED = ("positive", "non-negative", "any")
+NONE = "none"  # a parameter that is not there; files have no other word for it
+MOST_NOISE = 1e3  # of any standard deviation, in the source's unit
 
 
-def number(value: object, place: str) -> float:
-    """Return a finite float or refuse it by its place."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise ExciteError(f"{place}: {value!r} is not a number")
-    if not math.isfinite(value):
-        raise ExciteError(f"{place}: {value!r} is not finite")
-    return float(value)
+@dataclass(frozen=True)
+class Parameter:
+    """One plant parameter: value, unit, where the number comes from ("assumption" when it is one), what is allowed.
+
+    value : a number; a matrix as nested lists, or a text, where a plant is described by such.
+    """
+
+    value: Any
+    unit: str
+    source: str
+    allowed: str = "positive"
+
+
+def is_there(value: object) -> bool:
+    """Whether a parameter has been given."""
+    return value is not None and not (isinstance(value, str) and value == NONE)
 
 
 def resolve(
     plant: str, presets: Mapping[str, Mapping[str, Parameter]], preset: str, overrides: Mapping[str, Any]
 ) -> dict[str, Parameter]:
-    """Return the parameters of a preset overridden by name; what is no number there is left to the plant to read."""
+    """Return the parameters of a preset, overridden by name.
+
+    Only parameters that are numbers are checked here; lists, tables and texts are read by the plant itself.
+    """
     if preset not in presets:
         raise ExciteError(f"{plant}: preset '{preset}' does not exist; {did_you_mean(preset, presets)}")
     parameters = dict(presets[preset])
@@ -34,24 +47,18 @@ def resolve(
         if name not in parameters:
             raise ExciteError(f"{place} does not exist; {did_you_mean(name, parameters)}")
         old = parameters[name]
-        numeric = isinstance(old.value, (int, float))
-        given = number(value, place) if numeric else value
-        if numeric and old.allowed != "any" and (given < 0 or (given == 0 and old.allowed == "positive")):
-            least = "at least zero" if old.allowed == "non-negative" else "positive"
-            raise ExciteError(f"{place}: {value!r} {old.unit}; it must be {least}")
+        given = _allowed(value, place, old) if isinstance(old.value, (int, float)) else value
         parameters[name] = Parameter(given, old.unit, "override" if given != old.value else old.source, old.allowed)
     return parameters
 
 
-def noise_levels(
-    plant: str, sources: Mapping[str, Parameter], noise: bool | Mapping[str, float], most: float = 1e3
-) -> dict[str, float]:
+def noise_levels(plant: str, sources: Mapping[str, Parameter], noise: bool | Mapping[str, float]) -> dict[str, float]:
     """Return every source's standard deviation: the defaults (True), zeros (False), or defaults with some changed."""
     levels = {name: parameter.value for name, parameter in sources.items()}
     if isinstance(noise, bool):
         return levels if noise else dict.fromkeys(levels, 0.0)
     if not isinstance(noise, Mapping):
-        raise ExciteError(f"{plant} noise: {noise!r}; give true, false, or standard deviations by name")
+        raise bad(f"{plant} noise", noise, "give true, false, or standard deviations by name")
     for name, value in noise.items():
         place = f"{plant} noise '{name}'"
         if name not in levels:
@@ -59,48 +66,21 @@ def noise_levels(
         unit = sources[name].unit
         levels[name] = number(value, place)
         if levels[name] < 0:
-            raise ExciteError(f"{place}: {value!r} {unit}; a standard deviation is at least zero")
-        if levels[name] > most:
-            raise ExciteError(f"{place}: {value!r} {unit}; nothing works so, give at most {most:g}")
+            raise bad(place, value, "a standard deviation is at least zero", unit)
+        if levels[name] > MOST_NOISE:
+            raise bad(place, value, f"nothing works so, give at most {MOST_NOISE:g}", unit)
     return levels
 
 
 def seed_of(plant: str, seed: object) -> int:
-    """Return a seed of at least 0 as an int."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ExciteError(f"{plant} seed: {seed!r}; give an integer of at least 0")
-    return int(seed)
+    """Return a seed, a whole number of at least 0 and of any size."""
+    return whole(seed, f"{plant} seed", 0, np.inf)
 
 
-def injection_of(plant: str, injections: Mapping[str, Injection], inject: str | None) -> str:
-    """Return the injection's name, the first one by default."""
-    inject = inject or next(iter(injections))
-    if inject not in injections:
-        raise ExciteError(f"{plant} injection '{inject}' does not exist; {did_you_mean(inject, injections)}")
-    return inject
-
-
-def held(plant: str, signal: Signal, step_s: float, why: str) -> int:
-    """Return the steps of `step_s` in one signal sample; `why` says what the step is when they do not fit."""
-    steps = round(signal.dt / step_s)
-    if steps < 1 or abs(signal.dt - steps * step_s) > STEP_TOLERANCE * signal.dt:
-        raise ExciteError(
-            f"{plant}: signal dt {signal.dt:g} s is not a whole multiple of {step_s:g} s, {why}; "
-            f"use dt = {max(steps, 1) * step_s:g} s"
-        )
-    return steps
-
-
-def check_limits(plant: str, signal: Signal, injection: Injection) -> None:
-    """Refuse a signal with the wrong number of channels, or one that leaves its limits."""
-    needed, given = [c.name for c in injection.channels], signal.u.shape[1]
-    if given != len(needed):
-        raise ExciteError(f"{plant}: the signal has {given} channels; give {len(needed)}: {', '.join(needed)}")
-    for values, channel, (low, high) in zip(signal.u.T, injection.channels, injection.limits, strict=True):
-        worst = values.min() if values.min() < low else values.max()
-        if not low <= worst <= high:
-            limit = low if worst < low else high
-            raise DesignRefused(
-                f"{plant} {channel.name}: {worst:g} {channel.unit} exceeds the limit {limit:g} {channel.unit}; "
-                "reduce the amplitude"
-            )
+def _allowed(value: object, place: str, old: Parameter) -> float:
+    """Return a number that a parameter may take."""
+    given = number(value, place)
+    if (given < 0 and old.allowed != "any") or (given == 0 and old.allowed == "positive"):
+        least = "at least zero" if old.allowed == "non-negative" else "positive"
+        raise bad(place, value, f"it must be {least}", old.unit)
+    return given

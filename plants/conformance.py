@@ -1,19 +1,25 @@
-"""Conformance of simulated plants: what every plant in the table must satisfy, as callables for a test runner."""
+"""Conformance of simulated plants: what every plant must satisfy, ours and those of other packages.
 
-from collections.abc import Callable, Sequence
+`check_plant(plant)` runs everything on an instance; a test runner may take the callables of `checks_of(plant)` one by one.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from math import lcm
 
 import numpy as np
 import scipy.linalg as la
 
-from excite.errors import ExciteError, SimulationStopped
-from excite.generators import multisine
+from excite.arguments import same_dt
+from excite.errors import ExciteError, SimulationStopped, did_you_mean
+from excite.generators.multisine import multisine
 from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal
-from plants.plant import Plant, load_plant
+from plants.linear.plant import LinearPlant
+from plants.plant import Plant
 
 SEEDS = 30
 LINES = 24  # of the multisine, in logarithmic steps
@@ -46,6 +52,12 @@ def check_deterministic(plant: Plant, inject: str) -> None:
     many = plant.run_many(small_signal(plant, inject), inject=inject, seeds=[1, 2])
     np.testing.assert_allclose(many[0].values, first, rtol=0, atol=1e-10)
     np.testing.assert_allclose(many[1].values, other, rtol=0, atol=1e-10)
+
+
+def check_copies(plant: Plant, inject: str) -> None:
+    """A copy, as another process gets one, plays the same bits."""
+    again = _run(deepcopy(plant), inject, seed=1)
+    assert again.values.tobytes() == _run(plant, inject, seed=1).values.tobytes()
 
 
 def check_noise_off(plant: Plant, inject: str) -> None:
@@ -104,7 +116,17 @@ def check_named_and_described(plant: Plant, inject: str) -> None:
         experiment = recording.experiment(name)
         truth = plant.truth(recording, name)
         assert tuple(truth.model.inputs) == experiment.inputs and tuple(truth.model.outputs) == experiment.outputs
-        assert abs(truth.model.dt / experiment.dt - 1) < 1e-9
+        assert experiment.dt is None or same_dt(truth.model.dt, experiment.dt)
+
+
+def check_records_what_it_says(plant: Plant, inject: str) -> None:
+    """Channels, sampling, views and loop of a recording are those that `records` announces."""
+    layout, recording = plant.records(inject), _run(plant, inject)
+    assert layout.channels == recording.channels and layout.dt == recording.dt
+    assert dict(layout.views) == dict(recording.views) and layout.default == recording.default
+    assert layout.loop.state == recording.loop.state
+    assert [c for c in layout.channels if c in plant.outputs] == list(plant.outputs), "outputs that are not recorded"
+    assert recording.origin.plant == plant.name and dict(recording.origin.parameters) == plant.values
 
 
 def check_records_what_is_played(plant: Plant, inject: str) -> None:
@@ -112,8 +134,10 @@ def check_records_what_is_played(plant: Plant, inject: str) -> None:
     for fraction in (0.02, 0.2):
         signal = small_signal(plant, inject, fraction)
         recording = plant.run(signal, inject=inject)
+        k = np.floor((recording.time_s - recording.origin.start_s) / signal.dt + 1e-9).astype(int)
+        held = np.where(k[:, None] < 0, 0.0, signal.u[np.minimum(k, len(signal.u) - 1)])
         names = tuple(c.name for c in plant.injections[inject].channels)
-        np.testing.assert_array_equal(recording.columns(names), np.repeat(signal.u, 2, axis=0))
+        np.testing.assert_array_equal(recording.columns(names), held)
 
 
 def check_limits(plant: Plant, inject: str) -> None:
@@ -135,9 +159,9 @@ def check_limits(plant: Plant, inject: str) -> None:
 def check_finite_or_stopped(plant: Plant, inject: str) -> None:
     """At its limits a run stays finite or is stopped by name; so it does where an actuator takes the feedback away."""
     several = [plant]
-    if getattr(plant, "feedback", None) is not None:
+    if isinstance(plant, LinearPlant) and plant.feedback is not None:
         weak = min(high - low for low, high in plant.limits) * 1e-4
-        several.append(load_plant(plant.name, preset=plant.preset, parameters={"actuator_saturation": weak}))
+        several.append(plant.with_actuator({"actuator_saturation": weak}))
     for each in several:
         try:
             values = each.run(small_signal(each, inject, fraction=1.0), inject=inject).values
@@ -224,12 +248,14 @@ def response_errors(runs: Sequence[Experiment], model: StateSpaceModel, lines: n
 
 
 CHECKS: tuple[Callable[[Plant, str], None], ...] = (
+    check_named_and_described,
+    check_records_what_it_says,
+    check_records_what_is_played,
     check_deterministic,
+    check_copies,
     check_noise_off,
     check_seeds_are_independent,
     check_sources_have_streams_of_their_own,
-    check_named_and_described,
-    check_records_what_is_played,
     check_limits,
     check_finite_or_stopped,
     check_bad_loops_are_refused,
@@ -237,7 +263,49 @@ CHECKS: tuple[Callable[[Plant, str], None], ...] = (
 )
 
 
-def checks_of(plant: Plant) -> list[Callable[[Plant, str], None]]:
-    """Return the checks that have a meaning for a plant."""
-    closed = getattr(plant, "feedback", None) is not None
-    return [check for check in CHECKS if closed or check is not check_bad_loops_are_refused]
+def checks_of(plant: Plant, exceptions: Mapping[str, str] | None = None) -> list[Callable[[Plant, str], None]]:
+    """Return the checks that a plant must pass: those that have a meaning for it and are not excepted.
+
+    exceptions : name of a check -> why the plant need not pass it, beside `plant.conformance_exceptions`.
+    """
+    excepted = {**plant.conformance_exceptions, **(exceptions or {})}
+    known = [check.__name__ for check in CHECKS]
+    for name, reason in excepted.items():
+        if name not in known:
+            raise ExciteError(f"{plant.name} conformance_exceptions: no check '{name}'; {did_you_mean(name, known)}")
+        if not reason:
+            raise ExciteError(f"{plant.name} conformance_exceptions '{name}': has no reason; say why it need not pass")
+    meaningless = set()
+    if not (isinstance(plant, LinearPlant) and plant.feedback is not None):
+        meaningless.add(check_bad_loops_are_refused)
+    if any(plant.records(inject).dt is None for inject in plant.injections):
+        meaningless.add(check_truth)  # it compares spectral lines
+    return [check for check in CHECKS if check.__name__ not in excepted and check not in meaningless]
+
+
+def check_plant(plant: Plant, exceptions: Mapping[str, str] | None = None) -> None:
+    """Check a plant, ours or anybody's, at every place of injection.
+
+    Parameters
+    ----------
+    plant : an instance, as `load_plant` returns it.
+    exceptions : name of a check -> why this plant need not pass it; what the plant declares itself is added.
+
+    Raises
+    ------
+    AssertionError listing every check that fails and where; ExciteError for an exception that names no check, or gives
+    no reason.
+
+    Example
+    -------
+    >>> check_plant(load_plant("miller_31"), exceptions={"check_truth": "its truth is not derived yet"})
+    """
+    failures = []
+    for check in checks_of(plant, exceptions):
+        for inject in plant.injections:
+            try:
+                check(plant, inject)
+            except Exception as error:  # whatever somebody's plant raises is the finding
+                failures.append(f"{check.__name__} at {inject}: {type(error).__name__}: {error}")
+    if failures:
+        raise AssertionError(f"{plant.name}: {len(failures)} checks fail:\n" + "\n".join(failures))

@@ -7,20 +7,32 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError
 from excite.numerics.kalman import kalman_gain
+from excite.numerics.matrices import spectral_radius
 
 
-def streams(levels: Mapping[str, float], widths: Mapping[str, int], seed: int, count: int) -> dict[str, np.ndarray]:
-    """Return white noise (count, width) of each source's standard deviation, from a spawned stream a source.
+def draw(widths: Mapping[str, int], levels: Mapping[str, float], seed: int, count: int) -> dict[str, np.ndarray]:
+    """Return white noise of unit variance (count, width) from each source; zeros where its level is zero.
 
-    Switching one source off leaves the others as they were.
+    Every source has a random stream of its own, spawned from the seed in the order of `widths`: switching one source off
+    leaves the others as they were, and a new source comes last.
+
+    widths : source -> channels that it disturbs; levels : source -> standard deviation, by which callers scale.
     """
-    spawned = np.random.SeedSequence(seed).spawn(len(widths))
     return {
-        name: levels[name] * np.random.default_rng(stream).standard_normal((count, width))
+        name: np.random.default_rng(stream).standard_normal((count, width))
         if levels[name]
         else np.zeros((count, width))
-        for stream, (name, width) in zip(spawned, widths.items(), strict=True)
+        for stream, (name, width) in zip(_streams(seed, len(widths)), widths.items(), strict=True)
     }
+
+
+def draw_start(widths: Mapping[str, int], seed: int, size: int) -> np.ndarray:
+    """Return white noise of unit variance (size,) for the initial state, from a stream behind those of the sources."""
+    return np.random.default_rng(_streams(seed, len(widths) + 1)[-1]).standard_normal(size)
+
+
+def _streams(seed: int, count: int) -> list[np.random.SeedSequence]:
+    return np.random.SeedSequence(seed).spawn(count)
 
 
 def steady_kalman(
@@ -38,7 +50,7 @@ def steady_kalman(
     R, S = H @ H.T, G @ H.T
     if la.eigvalsh(R).min() > 0:
         K, innovation_cov = _from_known_state(A, G, C, R, S)
-        if np.abs(la.eigvals(A - K @ C)).max(initial=0.0) <= 1 + 1e-6:
+        if spectral_radius(A - K @ C) <= 1 + 1e-6:
             return K, innovation_cov
     try:
         K, innovation_cov = kalman_gain(A, C, G @ G.T, R, S)

@@ -3,7 +3,7 @@
 from excite.errors import ExciteError
 from excite.types.recording import Recording
 from excite.types.truth import Truth
-from plants.plant import load_plant
+from plants.registry import load_plant
 
 
 def truth_of(recording: Recording, view: str | None = None, dt: float | None = None) -> Truth:

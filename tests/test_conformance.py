@@ -10,7 +10,7 @@ import pytest
 from identify import conformance as method_checks
 from identify.registry import list_methods, load_method
 from plants import conformance as plant_checks
-from plants.plant import list_plants, load_plant
+from plants.registry import list_plants, load_plant
 
 PAIRS = [(name, check) for name in list_methods() for check in method_checks.checks_of(load_method(name))]
 

@@ -11,7 +11,7 @@ from excite.generators import GENERATORS
 from excite.types.signal import Signal
 from identify.method import Method
 from identify.registry import METHODS, method_class
-from plants.plant import PLANTS, load_plant
+from plants.registry import PLANTS, load_plant
 from scenarios.cli.main import COMMANDS
 
 MAY_IMPORT = {

@@ -9,6 +9,7 @@ import numpy as np
 from excite.errors import ExciteError
 from excite.files.table import Table, header
 from excite.models.state_space import StateSpaceModel
+from excite.plain import plain
 from excite.types.channel import Channel
 from excite.types.experiment import Experiment
 from excite.types.level import Level
@@ -90,23 +91,6 @@ def damaged(place: str) -> Iterator[None]:
         raise ExciteError(f"{place}: its description is damaged ({reason}); write it again") from error
     except ExciteError as error:
         raise type(error)(f"{place}: {error}") from error
-
-
-def plain(value: object, place: str) -> object:
-    """Return `value` in strict JSON's types: arrays as lists, NaN and infinities as None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item, f"{place}.{key}") for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [plain(item, f"{place}[{i}]") for i, item in enumerate(value)]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    if isinstance(value, Channel):
-        return str(value)
-    raise ExciteError(f"{place}: a {type(value).__name__} cannot be written; use numbers, text, lists and mappings")
 
 
 def _loop(loop: Loop) -> dict:

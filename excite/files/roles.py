@@ -5,10 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from excite.arguments import positive, same_dt
 from excite.errors import ExciteError, did_you_mean
 from excite.files.native import damaged
 from excite.files.table import TIME_NAMES, Table
-from excite.types.channel import Channel, positive
+from excite.types.channel import Channel
 
 Columns = Sequence[str | int] | str | int
 FLAGS = {"u": "inputs", "y": "outputs", "r": "reference"}
@@ -87,7 +88,7 @@ def sampling(
             own = positive(float(own), "dt")
     if dt is not None:
         dt = positive(dt, f"{table.place}: dt")
-        if own is not None and abs(dt - own) > 1e-9 * dt:
+        if own is not None and not same_dt(dt, own):
             raise ExciteError(f"{table.place}: dt = {dt:g} s is given, but the file says {own:g} s; drop your dt")
     stated = own if dt is None else dt
     index = _time_column(table, time, used)

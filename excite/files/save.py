@@ -8,8 +8,9 @@ from pathlib import Path
 
 from excite.errors import ExciteError, did_you_mean, placed
 from excite.files.formats import FORMATS, Format, writable
-from excite.files.native import plain, to_table
+from excite.files.native import to_table
 from excite.persistency.certificate import certify
+from excite.plain import plain
 from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal

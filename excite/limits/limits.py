@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
+from excite.arguments import positive, same_dt, whole
 from excite.errors import ExciteError, did_you_mean, placed
 from excite.files.toml import read_toml
 from excite.models.state_space import StateSpaceModel
-from excite.types.channel import positive
+from excite.plain import plain
 from excite.types.signal import Signal
 
 Number = float | Sequence[float] | None
@@ -51,7 +52,9 @@ class OutputLimit:
         m = self.model
         model = {k: np.asarray(getattr(m, k)).tolist() for k in MODEL_KEYS}
         model |= {"inputs": [str(c) for c in m.inputs], "outputs": [str(c) for c in m.outputs]}
-        return {"model": model} | {k: _plain(v) for k in ("low", "high") if (v := getattr(self, k)) is not None}
+        return {"model": model} | {
+            k: plain(v, finite=False) for k in ("low", "high") if (v := getattr(self, k)) is not None
+        }
 
     @classmethod
     def from_dict(cls, table: Mapping) -> "OutputLimit":
@@ -100,9 +103,8 @@ class Limits:
                     positive(v, f"limits: {key}")
         for key, least in (("bits", 1), ("hold", 1)):
             value = getattr(self, key)
-            whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= least
-            if not whole and not (key == "bits" and value is None):
-                raise ExciteError(f"limits: {key}: {value!r}; give a whole number of at least {least}")
+            if not (key == "bits" and value is None):
+                whole(value, f"limits: {key}", least)
         if self.bits is not None and self.bits > 32:
             raise ExciteError(f"limits: bits: {self.bits}; no converter has more than 32")
         if (
@@ -125,13 +127,13 @@ class Limits:
 
     def to_dict(self) -> dict:
         """Plain values for JSON and TOML; what sets no limit is left out."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self)}
-        plain = {k: v for k, v in plain.items() if v is not None and not (k == "outputs" and not v)}
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        given = {k: v for k, v in given.items() if v is not None and not (k == "outputs" and not v)}
         if self.actuator is not None:
-            plain["actuator"] = OutputLimit(self.actuator).to_dict()["model"]
+            given["actuator"] = OutputLimit(self.actuator).to_dict()["model"]
         if self.outputs:
-            plain["outputs"] = [o.to_dict() for o in self.outputs]
-        return {k: v if k in ("actuator", "outputs") else _plain(v) for k, v in plain.items()}
+            given["outputs"] = [o.to_dict() for o in self.outputs]
+        return {k: v if k in ("actuator", "outputs") else plain(v, finite=False) for k, v in given.items()}
 
     @classmethod
     def from_dict(cls, table: Mapping) -> "Limits":
@@ -319,14 +321,10 @@ def _fits(model: StateSpaceModel, signal: Signal, place: str) -> None:
         raise ExciteError(
             f"{place}: the model has {model.D.shape[1]} inputs, the signal {len(signal.channels)} channels; give all of them"
         )
-    if abs(model.dt / signal.dt - 1) > 1e-6:
+    if not same_dt(model.dt, signal.dt):
         raise ExciteError(
             f"{place}: the model's dt is {model.dt:g} s, the signal's {signal.dt:g} s; sample the signal at the model's dt"
         )
-
-
-def _plain(value: object) -> object:
-    return np.asarray(value).tolist()
 
 
 def _known(table: Mapping, known: Sequence[str], place: str) -> None:

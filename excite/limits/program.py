@@ -7,6 +7,7 @@ import osqp
 from scipy import sparse
 
 from excite.errors import ExciteError
+from excite.numerics.matrices import spectral_radius
 from excite.numerics.simulate import simulate, states
 
 OUT_OF_BAND = 0.1  # amplitude weight of a deviation outside the excited band against one inside
@@ -168,7 +169,7 @@ def _dynamics(
 def _samples_that_matter(A: np.ndarray, index: np.ndarray) -> int:
     """Samples up to one whole period after the transient from trim has settled; all for a record without repetition."""
     N, period = len(index), int((index[1:] < index[:-1]).argmax()) + 1 if (index[1:] < index[:-1]).any() else len(index)
-    radius = np.abs(np.linalg.eigvals(A)).max(initial=0.0)
+    radius = spectral_radius(A)
     if radius >= 1:
         return N
     settle = np.log(SETTLED) / np.log(max(radius, 1e-3))

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import scipy.linalg as la
 
+from excite.arguments import is_whole, one_per_channel
 from excite.errors import ExciteError
 from excite.numerics.hankel import columns_of, hankel_factor, largest_rows
 from excite.persistency.rank import EMPTY_LINE, line_vectors, line_weights, order_of_lines, order_of_recurrence
@@ -110,7 +111,7 @@ def certify(data: Data, block_rows: int = 20, noise_floor: float | Sequence[floa
     ExciteError naming the value and the remedy.
     """
     records = [data] if isinstance(data, (Signal, Experiment)) else list(data)
-    if isinstance(block_rows, bool) or not isinstance(block_rows, (int, np.integer)) or block_rows < 1:
+    if not is_whole(block_rows) or block_rows < 1:
         raise ExciteError(f"certify: block_rows {block_rows!r}; give a whole number of at least 1")
     if not records:
         raise ExciteError("certify: no record given; pass at least one")
@@ -182,7 +183,7 @@ def verdict(
     """
     sufficient = required if sufficient is None else sufficient
     for key, value in (("required", required), ("sufficient", sufficient)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+        if not is_whole(value) or value < 0:
             raise ExciteError(f"verdict: {key} {value!r}; give a whole number from 0")
     if isinstance(data, Certificate):
         own = whole = data
@@ -291,12 +292,10 @@ def _floor(
     """Noise standard deviation of each channel, never below rounding, and where it comes from."""
     rounding = RANK_TOLERANCE * np.where(rms > 0, rms, 1.0)
     if given is not None:
-        floor = np.asarray(given, dtype=float)
-        if floor.shape not in ((), (1,), rms.shape) or not (np.isfinite(floor) & (floor >= 0)).all():
-            raise ExciteError(
-                f"certify: noise_floor {given!r}; give one number from 0, or one for each of {len(rms)} channels"
-            )
-        return np.maximum(np.broadcast_to(floor, rms.shape), rounding), "given"
+        floor = one_per_channel(
+            given, "certify: noise_floor", len(rms), lambda x: x >= 0, "a standard deviation is at least 0"
+        )
+        return np.maximum(floor, rounding), "given"
     if period is not None and len(u) >= 2 * period:
         spread = (u[period:] - u[:-period]).std(0) / np.sqrt(2)
         if (spread > rounding).any():

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 import scipy.linalg as la
 
+from excite.arguments import is_whole
 from excite.errors import ExciteError
 from excite.numerics.hankel import columns_of, hankel_factor
 from excite.types.experiment import Experiment
@@ -76,7 +77,7 @@ def information(
     """
     records = [data] if isinstance(data, Experiment) else list(data)
     for key, value, least in (("na", na, 0), ("nb", nb, 0), ("delay", delay, 0)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        if not is_whole(value) or value < least:
             raise ExciteError(f"information: {key} {value!r}; give a whole number of at least {least}")
     if na + nb == 0 or not records:
         raise ExciteError("information: no lags or no record given; give na or nb of at least 1 and one experiment")

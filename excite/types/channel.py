@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.arguments import positive as positive  # passed on: what has channels has a dt
+from excite.arguments import whole
 from excite.errors import ExciteError
 
 
@@ -36,7 +38,7 @@ def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: st
         return tuple(Channel(f"{prefix}{i + 1}") for i in range(count))
     channels = tuple(c if isinstance(c, Channel) else Channel.parse(c) for c in given)
     if len(channels) != count:
-        raise ExciteError(f"channels {prefix}: {len(channels)} names for {count} columns; give one name a column")
+        raise ExciteError(f"channels {prefix}: {len(channels)} names for {count} columns; give one name per column")
     names = [c.name for c in channels]
     if len(set(names)) != count:
         raise ExciteError(f"channels {prefix}: duplicate names in {names}; names must differ")
@@ -73,21 +75,11 @@ def samples(values: object, place: str, missing: bool = False) -> np.ndarray:
     return array
 
 
-def positive(value: float, place: str) -> float:
-    """Return a finite positive float or refuse it."""
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not (number and np.isfinite(value) and value > 0):
-        raise ExciteError(f"{place}: {value!r} is not a positive finite number")
-    return float(value)
-
-
 def period_of(value: object, place: str) -> int | None:
     """Return a period in samples, a positive whole number or None."""
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ExciteError(f"{place}: {value!r}; give a positive number of samples, or None")
-    return int(value)
+    return whole(value, place, remedy="give a positive number of samples, or None")
 
 
 def time_axis(time_s: object, count: int, place: str) -> np.ndarray:

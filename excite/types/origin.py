@@ -1,10 +1,11 @@
 """Origin: where a recording comes from."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from excite.errors import ExciteError
+from excite.plain import plain
 from excite.types.frozen import Frozen
 
 
@@ -34,7 +35,7 @@ class Origin:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for files."""
-        return asdict(self) | {"parameters": dict(self.parameters), "noise": dict(self.noise)}
+        return plain({f.name: getattr(self, f.name) for f in fields(self)}, finite=False)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> "Origin":

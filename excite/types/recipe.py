@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from excite.errors import ExciteError
+from excite.plain import plain
 from excite.types.frozen import Frozen
 
 
@@ -50,16 +51,9 @@ class Recipe:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for files."""
-
-        def plain(value: Any) -> Any:
-            if isinstance(value, Recipe):
-                return value.to_dict()
-            return [plain(each) for each in value] if isinstance(value, (list, tuple)) else value
-
-        parts = {"kind": self.kind}
-        parts["parameters"] = {name: plain(value) for name, value in self.parameters.items()}
-        parts |= {"decisions": dict(self.decisions), "warnings": list(self.warnings)}
-        return parts if self.shaped is None else {**parts, "shaped": dict(self.shaped)}
+        parts = {"kind": self.kind, "parameters": self.parameters, "decisions": self.decisions}
+        parts |= {"warnings": self.warnings} | ({} if self.shaped is None else {"shaped": self.shaped})
+        return plain(parts, finite=False)
 
     @classmethod
     def of(cls, made_by: Callable, warnings: Iterable[str] = (), **values: Any) -> "Recipe":

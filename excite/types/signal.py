@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.arguments import multiple
 from excite.errors import ExciteError
 from excite.types.channel import Channel, channels_for, period_of, positive, samples
 from excite.types.recipe import Recipe
@@ -58,13 +59,12 @@ class Signal:
     def sampled(self, dt: float) -> "Signal":
         """Return the zero-order-held signal sampled every dt seconds; dt must divide, or be a multiple of, the signal's."""
         dt = positive(dt, "Signal.sampled")
-        finer, coarser = round(self.dt / dt), round(dt / self.dt)
-        factor = max(finer, 1) / max(coarser, 1)
-        if abs(self.dt / dt / factor - 1) > 1e-9:
+        finer, coarser = multiple(self.dt, dt), multiple(dt, self.dt)
+        if finer is None and coarser is None:
             raise ExciteError(
                 f"Signal.sampled: {dt:g} s is neither a whole fraction nor a whole multiple of the signal's dt {self.dt:g} s"
             )
-        if finer >= 1:
+        if finer is not None:
             u, period = np.repeat(self.u, finer, axis=0), self.period and self.period * finer
         else:
             u, period = (

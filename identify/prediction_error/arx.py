@@ -65,5 +65,5 @@ class Arx(Method):
         model = PolynomialModel(
             a, b, first.dt, innovation_cov=residual @ residual.T / H.columns, inputs=first.inputs, outputs=first.outputs
         )
-        x0 = tuple(initial_state(model.to_state_space(), e, predictor=True) for e in parts)
+        x0 = tuple(initial_state(model, e, predictor=True) for e in parts)
         return Estimate(model, self.name, order, x0=x0, condition=H.condition, route=H.path)

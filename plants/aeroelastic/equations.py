@@ -12,10 +12,10 @@ K d + k (w - sum_i phi_i q_i'); both see the elastic motion alone. The gyro give
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.linalg as la
 
 from excite.errors import ExciteError
 from excite.models.state_space import StateSpaceModel
+from excite.numerics.matrices import zero_order_hold
 from plants.aeroelastic.parameters import EXCITED, FAMILIES, NOISE
 from plants.aeroelastic.sensors import ACCELEROMETERS, PRESSURES, shapes, tap_gains
 from plants.aeroelastic.turbulence import dryden_vertical, sampled_noise
@@ -33,13 +33,6 @@ def servo(values: Mapping[str, float], surface: str) -> tuple[float, float]:
         return slow * fast, slow + fast
     frequency = values["aileron_frequency"]
     return frequency**2, 2 * values["aileron_damping"] * frequency
-
-
-def held(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the discrete A and B of x' = A x + B v for v held over each sample."""
-    n, nu = B.shape
-    block = la.expm(np.block([[A, B], [np.zeros((nu, n + nu))]]) * DT)
-    return block[:n, :n], block[:n, n:]
 
 
 def dynamics(values: Mapping[str, float], surfaces: Sequence[str], sensors: np.ndarray) -> Dynamics:
@@ -79,7 +72,7 @@ def dynamics(values: Mapping[str, float], surfaces: Sequence[str], sensors: np.n
     felt = np.column_stack([tap_gains(s) for s in surfaces]) @ d
     pressure = felt + tap_gains("upwash")[:, None] * (w - phi[len(ACCELEROMETERS) :] @ q_dot)
     C = np.vstack([np.vstack([acceleration, pressure])[sensors], rate, d])[:, :n]
-    A, B = held(motion[:, :n], motion[:, n:-1])
+    A, B = zero_order_hold(motion[:, :n], motion[:, n:-1], DT)
     Gd = sampled_noise(motion[:, :n], motion[:, -1:], DT)
     accelerometers = int((sensors < len(ACCELEROMETERS)).sum())
     widths = {

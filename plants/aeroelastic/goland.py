@@ -9,12 +9,12 @@ import scipy.linalg as la
 from scipy.optimize import brentq, linear_sum_assignment
 
 from excite.errors import ExciteError
+from excite.numerics.matrices import zero_order_hold
 from excite.types.channel import Channel
 from plants.aeroelastic.turbulence import dryden_vertical, sampled_noise
-from plants.arguments import resolve
+from plants.arguments import Parameter, resolve
 from plants.linear.loop import Dynamics
 from plants.linear.plant import LinearPlant
-from plants.plant import Parameter
 
 GOLAND = "Goland 1945, J. Appl. Mech. 12(4), the flutter of a uniform cantilever wing; in SI units"
 AIR = "standard atmosphere at sea level"
@@ -206,17 +206,17 @@ def goland(preset: str = "goland", parameters: Mapping[str, Any] | None = None) 
     G = sampled_noise(A, np.vstack([np.zeros((n, 1)), white]), DT)
     force = np.zeros((len(A), 1))
     force[:n, 0] = B[:, :m] @ wing.rise(v["shaker_span"], v["shaker_chord"])
-    held = la.expm(np.block([[A, force], [np.zeros((1, len(A) + 1))]]) * DT)[:-1]
+    held, held_force = zero_order_hold(A, force, DT)
     accelerations = np.array([wing.rise(*place) for place in SENSORS.values()]) @ np.hstack([A, force])[m : 2 * m]
     # Displacements and velocities differ by the modes' frequencies; filters are computed better in equal units.
-    balanced, (unit, _) = la.matrix_balance(held[:, :-1], permute=False, separate=True)
+    balanced, (unit, _) = la.matrix_balance(held, permute=False, separate=True)
     return LinearPlant(
         name="goland",
         description="Goland wing: cantilever in bending and torsion with unsteady strip-theory air forces, tip shaker",
         dt=DT,
         dynamics=Dynamics(
             balanced,
-            held[:, -1:] / unit[:, None],
+            held_force / unit[:, None],
             accelerations[:, :-1] * unit,
             accelerations[:, -1:],
             np.hstack([G / unit[:, None], np.zeros((len(G), ny))]),
@@ -232,6 +232,7 @@ def goland(preset: str = "goland", parameters: Mapping[str, Any] | None = None) 
         noise_sources=NOISE_SOURCES,
         preset=preset,
         note=f"shaker force, upward; the limit is an assumption; {onset}",
+        make=goland,
     )
 
 

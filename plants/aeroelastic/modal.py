@@ -9,10 +9,11 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.models.state_space import StateSpaceModel
+from excite.numerics.matrices import zero_order_hold
 from excite.types.channel import Channel
 from excite.types.recording import Roles
 from excite.types.truth import Truth
-from plants.aeroelastic.equations import ALL, DT, dynamics, held, servo, strongest
+from plants.aeroelastic.equations import ALL, DT, dynamics, servo, strongest
 from plants.aeroelastic.parameters import DESCRIPTIONS, FAMILIES, NOISE, PRESETS
 from plants.aeroelastic.sensors import ACCELEROMETERS, PRESSURES
 from plants.arguments import resolve
@@ -51,6 +52,7 @@ def aeroelastic(preset: str = "flap", parameters: Mapping[str, Any] | None = Non
         feedback=feedback,
         actuator=(Saturation(-travel, travel), RamRate(*_rams(values, surfaces), rate)),
         note="sampled at 100 Hz; <surface>_command_actual is what the limits of travel and rate leave of the command",
+        make=aeroelastic,
     )
 
 
@@ -59,7 +61,7 @@ def _rams(values: Mapping[str, float], surfaces: Sequence[str]) -> tuple[np.ndar
     rams = []
     for surface in surfaces:
         a0, a1 = servo(values, surface)
-        rams.append(held(np.array([[0.0, 1.0], [-a0, -a1]]), np.array([[0.0], [a0]])))
+        rams.append(zero_order_hold(np.array([[0.0, 1.0], [-a0, -a1]]), np.array([[0.0], [a0]]), DT))
     A, B = (np.array(each) for each in zip(*rams, strict=True))
     return A, B[:, :, 0]
 
@@ -67,7 +69,7 @@ def _rams(values: Mapping[str, float], surfaces: Sequence[str]) -> tuple[np.ndar
 def _feedback(values: Mapping[str, float], surfaces: Sequence[str], gyro: int) -> Feedback:
     """Return the roll-rate controller: gain / (lag s + 1) from the rate's error to the aileron's command, held."""
     lag = values["feedback_lag"]
-    A, B = held(np.array([[-1.0 / lag]]), np.array([[values["feedback_gain"] / lag]]))
+    A, B = zero_order_hold(np.array([[-1.0 / lag]]), np.array([[values["feedback_gain"] / lag]]), DT)
     C = np.array([[float(s == "aileron")] for s in surfaces])
     return Feedback(StateSpaceModel(A, B, C, np.zeros_like(C), DT), measured=(gyro,))
 
@@ -97,7 +99,7 @@ class ModalAircraft(LinearPlant):
             found[place] = replace(entry, views=views)
         return found
 
-    def _truth(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view; that of "position" is derived here.
 
         Between samples a surface moves as its servo does, so that samples of its position do not hold all that moves the
@@ -113,7 +115,7 @@ class ModalAircraft(LinearPlant):
         of y from measured positions would see the noise twice.
         """
         if view != "position":
-            return super()._truth(view, levels)
+            return super().truth_of(view, levels)
         roles = next(iter(self.injections.values())).views[view]
         surfaces, sensors = len(roles.inputs), len(roles.outputs)
         n = len(self.dynamics.A) - self.dynamics.noise_states - (self.feedback is not None)  # without gust and roll

@@ -1,6 +1,6 @@
 """What the aircraft of elastic modes is made of: presets of parameters and noise levels, with their sources."""
 
-from plants.plant import Parameter
+from plants.arguments import Parameter
 
 FAMILIES = {"flap": "symmetric", "aileron": "antisymmetric"}  # the modes that a surface moves
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from excite.arguments import bad, number
 from excite.errors import ExciteError
 from excite.numerics.simulate import states
-from plants.arguments import number
-from plants.plant import NONE, Parameter, Plant
+from plants.arguments import NONE, Parameter
 
 
 class Element:
@@ -114,7 +114,7 @@ class RamRate(Element):
 
 IN_FRONT: dict[str, Parameter] = {
     "actuator_quantum": Parameter(
-        NONE, "of input", "step of a quantiser; one number, or one an input; none: no such element"
+        NONE, "of input", "step of a quantiser; one number, or one per input; none: no such element"
     ),
     "actuator_saturation": Parameter(NONE, "of input", "largest modulus behind the quantiser"),
     "actuator_rate": Parameter(NONE, "of input/s", "largest rate behind the saturation"),
@@ -122,30 +122,29 @@ IN_FRONT: dict[str, Parameter] = {
 }
 
 
-def in_front(plant: Plant, given: Mapping[str, Any]) -> Plant:
-    """Return the plant with the elements that parameters named as in IN_FRONT describe before its inputs.
+def apart(parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return a plant's own parameters, and those of the elements in front of it."""
+    own = {key: value for key, value in parameters.items() if key not in IN_FRONT}
+    return own, {key: value for key, value in parameters.items() if key in IN_FRONT}
 
-    Raises ExciteError for a plant that has an actuator of its own kind inside and takes no other.
-    """
-    if not hasattr(plant, "actuator"):
-        for key in given:
-            raise ExciteError(f"{plant.name} parameter '{key}': this plant brings its own actuators; drop it")
-        return plant
-    parameters = dict(plant.parameters)
-    sizes = {}
+
+def elements_in_front(
+    plant: str, given: Mapping[str, Any], inputs: int, dt: float
+) -> tuple[tuple[Element, ...], dict[str, Parameter]]:
+    """Return the elements that parameters named as in IN_FRONT describe, in its order, and all of those parameters."""
+    kinds = {
+        "actuator_quantum": Quantiser,
+        "actuator_saturation": lambda s: Saturation(-s, s),
+        "actuator_rate": lambda s: RateLimit(s * dt),
+        "actuator_backlash": Backlash,
+    }
+    elements, parameters = [], {}
     for key, old in IN_FRONT.items():
         value = given.get(key, NONE)
         parameters[key] = old if value == NONE else replace(old, value=value, source="override")
         if value != NONE:
-            sizes[key] = _sizes(value, f"{plant.name} parameter '{key}'", len(plant.inputs))
-    kinds = {
-        "actuator_quantum": Quantiser,
-        "actuator_saturation": lambda s: Saturation(-s, s),
-        "actuator_rate": lambda s: RateLimit(s * plant.dt),
-        "actuator_backlash": Backlash,
-    }
-    elements = tuple(kinds[key](size) for key, size in sizes.items())
-    return replace(plant, parameters=parameters, actuator=elements + plant.actuator)
+            elements.append(kinds[key](_sizes(value, f"{plant} parameter '{key}'", inputs)))
+    return tuple(elements), parameters
 
 
 def _sizes(value: object, place: str, count: int) -> np.ndarray:
@@ -154,7 +153,7 @@ def _sizes(value: object, place: str, count: int) -> np.ndarray:
         raise ExciteError(f"{place}: has {len(sizes)} numbers; give one, or {count}")
     for size in sizes:
         if number(size, place) <= 0:
-            raise ExciteError(f'{place}: {size!r}; it must be positive, or "{NONE}"')
+            raise bad(place, size, f'it must be positive, or "{NONE}"')
     return np.array(sizes, float)
 
 

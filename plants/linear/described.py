@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
+from excite.arguments import number
 from excite.errors import ExciteError, did_you_mean
 from excite.models.state_space import StateSpaceModel
+from excite.numerics.matrices import spectral_radius
+from excite.plain import plain
 from excite.types.channel import Channel
-from plants.arguments import number, resolve
+from plants.arguments import NONE, Parameter, is_there, resolve
 from plants.linear.loop import Dynamics, Feedback
 from plants.linear.plant import LinearPlant
-from plants.plant import NONE, Parameter
 
 MATRICES, FRACTION = ("A", "B", "C", "D"), ("num", "den")
 SYSTEM = (*MATRICES, *FRACTION)
@@ -50,7 +52,7 @@ class Described:
     def __call__(self, preset: str | None = None, parameters: Mapping[str, Any] | None = None) -> LinearPlant:
         """Return the plant of a preset with parameters overridden by name."""
         preset = preset or next(iter(self.presets))
-        given = _replacing(plain(dict(parameters or {}), self.name), self.presets.get(preset, {}))
+        given = _replacing(plain(dict(parameters or {}), self.name, finite=False), self.presets.get(preset, {}))
         resolved = resolve(self.name, self.presets, preset, given)
         values = self.equations({name: parameter.value for name, parameter in resolved.items()})
         noise = self.noise[preset]
@@ -65,21 +67,9 @@ class Described:
             noise_sources=noise,
             preset=preset,
             note=self.note,
+            make=self,
             **fields,
         )
-
-
-def plain(given: object, place: str) -> Any:
-    """Return a copy in the types of files: what is recorded of a run must compare equal to what a file gives back."""
-    if isinstance(given, Mapping):
-        return {str(key): plain(value, f"{place}.{key}") for key, value in given.items()}
-    if isinstance(given, (np.ndarray, np.generic)):
-        return given.tolist()
-    if isinstance(given, (list, tuple)):
-        return [plain(value, place) for value in given]
-    if given is None or isinstance(given, (bool, int, float, str)):
-        return given
-    raise ExciteError(f"{place}: a {type(given).__name__}; give numbers, text, lists and tables")
 
 
 def _replacing(given: dict[str, Any], known: Mapping[str, Parameter]) -> dict[str, Any]:
@@ -88,18 +78,6 @@ def _replacing(given: dict[str, Any], known: Mapping[str, Parameter]) -> dict[st
         if any(is_there(given.get(key)) for key in keys):
             given = {key: NONE for key in others if key in known} | given
     return given
-
-
-def is_there(value: object) -> bool:
-    """Whether a parameter has been given."""
-    return value is not None and not (isinstance(value, str) and value == NONE)
-
-
-def zero_order_hold(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the discrete A and B of x' = A x + B u for u held over each dt: exp([[A, B], [0, 0]] dt)."""
-    n, m = B.shape
-    both = la.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * dt)
-    return both[:n, :n], both[:n, n:]
 
 
 def _fields(values: Mapping[str, Any], sources: tuple[str, ...]) -> dict[str, Any]:
@@ -114,7 +92,7 @@ def _fields(values: Mapping[str, Any], sources: tuple[str, ...]) -> dict[str, An
         table = _table(values["input_filter"], "input_filter", SYSTEM)
         fields["input_filter"] = StateSpaceModel(*_filter(table, "input_filter", nu), dt)
     if "controller" not in values:
-        return fields | {"dynamics": dynamics(_radius(A) < 1 - 1e-9)}
+        return fields | {"dynamics": dynamics(spectral_radius(A) < 1 - 1e-9)}
     feedback = feedback_of(values["controller"], [c.name for c in outputs], nu, dt)
     limits = limits_of(values, "setpoint_limits", len(feedback.measured))
     return fields | {"dynamics": dynamics(True), "feedback": feedback, "reference_limits": limits}
@@ -195,7 +173,7 @@ def _noisy(system: System, given: object, sources: tuple[str, ...]) -> Callable[
 
 def _inverts(zeros: np.ndarray, place: str) -> None:
     """Refuse noise from which no predictor recovers e; its spectrum is also that of a filter that can be inverted."""
-    if (radius := _radius(zeros)) > 1 + 1e-9:
+    if (radius := spectral_radius(zeros)) > 1 + 1e-9:
         raise ExciteError(
             f"'{place}': a zero of the noise filter has modulus {radius:.6g}; replace it by its inverse, which leaves the "
             "spectrum as it is but for a factor"
@@ -209,7 +187,7 @@ def _filter(given: Mapping[str, Any], place: str, count: int) -> System:
         system = tuple(np.kron(np.eye(count), part) for part in system)
     if system[3].shape != (count, count):
         raise ExciteError(f"'{place}': is {_size(system[3])}; it must be {count} x {count}")
-    if (radius := _radius(system[0])) >= 1:
+    if (radius := spectral_radius(system[0])) >= 1:
         raise ExciteError(f"'{place}': has a pole of modulus {radius:.6g}; a filter needs all of them below 1")
     return system
 
@@ -268,10 +246,6 @@ def matrix_of(value: object, place: str, shape: tuple[int, int] | None = None) -
     if shape is not None and matrix.shape != shape:
         raise ExciteError(f"'{place}': is {_size(matrix)}; it must be {shape[0]} x {shape[1]}")
     return matrix
-
-
-def _radius(A: np.ndarray) -> float:
-    return np.abs(la.eigvals(A)).max(initial=0.0)
 
 
 def _size(matrix: np.ndarray) -> str:

@@ -13,6 +13,7 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError, SimulationStopped
 from excite.models.state_space import StateSpaceModel
+from excite.numerics.matrices import spectral_radius
 from excite.numerics.simulate import simulate
 from plants.linear.actuator import Element, actuate
 
@@ -64,7 +65,7 @@ def interconnect(plant: Dynamics, feedback: Feedback | None) -> StateSpaceModel:
     """
     (nx, nu), ny, nw = plant.B.shape, len(plant.C), plant.G.shape[1]
     if feedback is None:
-        radius = np.abs(la.eigvals(plant.A)).max(initial=0.0)
+        radius = spectral_radius(plant.A)
         if radius > 1 + GROWTH:
             raise ExciteError(
                 f"the plant is unstable in open loop (spectral radius {radius:.6g}); run it in closed loop"

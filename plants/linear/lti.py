@@ -1,7 +1,7 @@
 """The plant that is nothing but its numbers."""
 
+from plants.arguments import NONE, Parameter
 from plants.linear.described import Described
-from plants.plant import NONE, Parameter
 
 EXAMPLE = "assumption: an example, give your own"
 LTI: dict[str, Parameter] = {

@@ -1,37 +1,36 @@
 """LinearPlant: a plant from matrices, open or closed, with noise, an actuator and its exact truth."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError
 from excite.models.modes import DELAY
 from excite.models.state_space import StateSpaceModel
 from excite.types.channel import Channel
 from excite.types.loop import Loop
-from excite.types.origin import Origin
-from excite.types.recording import Recording, Roles
-from excite.types.signal import Signal
+from excite.types.recording import Roles
 from excite.types.truth import Truth
-from plants.arguments import check_limits, held, injection_of, noise_levels, seed_of
-from plants.linear.actuator import Backlash, Element, Quantiser
+from plants.arguments import Parameter
+from plants.linear.actuator import Backlash, Element, Quantiser, apart, elements_in_front
 from plants.linear.loop import Dynamics, Feedback, interconnect, play, start
-from plants.noise import steady_kalman
-from plants.plant import Injection, Parameter, load_plant, views_of
+from plants.noise import draw, draw_start, steady_kalman
+from plants.plant import Injection, Layout, Plant, Task
 
 ENTRIES = {"input": "plant input", "plant_input": "plant input", "setpoint": "set-point"}
 
 
 @dataclass(frozen=True, eq=False)
-class LinearPlant:
-    """A linear plant, its loop and its noise; what it records are u, y and r of the diagram in plants/loop.py.
+class LinearPlant(Plant):
+    """A linear plant, its loop and its noise; what it records are u, y and r of the diagram in plants/linear/loop.py.
 
     inputs, outputs : channels of u and y; limits : (low, high) of each input; reference_limits : of each set-point;
-    noise_sources : name -> Parameter, in the order of dynamics.sources; actuator : elements between u and the plant.
+    noise_sources : name -> Parameter, in the order of dynamics.sources; actuator : elements between u and the plant;
+    make : what made the plant from a preset and parameters, by which it is made again for a recording with others.
 
     Open loop: injection "input", view "plant" (u -> y). Closed loop: injections "setpoint" (r2, channel r_<output>)
     and "plant_input" (r1, channel r_<input>); views "plant" (u -> y, closed) and "setpoint_response" or
@@ -57,6 +56,7 @@ class LinearPlant:
     actuator: tuple[Element, ...] = ()
     input_filter: StateSpaceModel | None = None
     note: str = ""
+    make: Callable[..., Plant] | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -97,22 +97,28 @@ class LinearPlant:
             found[place] = Injection(r, limits, views, self.note)
         return found
 
-    def truth(self, recording: Recording | None, view: str) -> Truth:
-        """Return the exact model of a view, with the noise levels and parameters of `recording`."""
-        views = views_of(self)
-        if view not in views:
-            raise ExciteError(f"{self.name} view '{view}' does not exist; {did_you_mean(view, views)}")
-        if recording is None:
-            return self._truth(view, noise_levels(self.name, self.noise_sources, True))
-        origin = recording.origin
-        if origin.plant != self.name:
-            raise ExciteError(f"{self.name} truth: the recording is of {origin.plant!r}; pass one of this plant")
-        if origin.parameters != self.values():
-            same = load_plant(self.name, preset=origin.preset, parameters=origin.parameters)
-            return same.truth(recording, view)
-        return self._truth(view, origin.noise)
+    def records(self, inject: str | None = None) -> Layout:
+        """What is played where it is none of u, then u, the actuator's output where there is one, and y."""
+        inject = self._place(inject)
+        channels = (*self.inputs, *(self.acting if self.actuator else ()), *self.outputs)
+        if inject != "input":
+            channels = (*self.injections[inject].channels, *channels)
+        return Layout(channels, self.dt, self.injections[inject].views, "plant", self._loop(inject))
 
-    def _truth(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def again(self, preset: str | None, parameters: Mapping[str, Any]) -> Plant:
+        """Make this plant anew, with the actuator in front of it that the parameters describe."""
+        if self.make is None:
+            raise ExciteError(f"{self.name}: nothing says how it is made with other parameters; give the plant `make`")
+        own, front = apart(parameters)
+        return self.make(parameters=own, **({} if preset is None else {"preset": preset})).with_actuator(front)
+
+    def with_actuator(self, given: Mapping[str, Any]) -> "LinearPlant":
+        """Put the elements that parameters named as in `plants.linear.actuator.IN_FRONT` describe before the inputs."""
+        elements, parameters = elements_in_front(self.name, given, len(self.inputs), self.dt)
+        return replace(self, parameters={**self.parameters, **parameters}, actuator=elements + self.actuator)
+
+    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+        """Return the exact model of a view."""
         plant = self.dynamics.scaled(levels)
         n, nu = len(plant.A) - plant.noise_states, plant.B.shape[1]
         place = next(p for p in self.injections.values() if view in p.views)
@@ -141,95 +147,38 @@ class LinearPlant:
         poles = poles[np.abs(poles) > DELAY]
         return Truth(model, kind, valid_amplitude=valid, poles=poles)
 
-    def run(
-        self, signal: Signal, *, inject: str | None = None, noise: bool | Mapping[str, float] = True, seed: int = 0
-    ) -> Recording:
-        """Play `signal` with zero-order hold."""
-        return self.run_many(signal, seeds=[seed], inject=inject, noise=noise)[0]
+    def simulate(self, task: Task, seeds: Sequence[int]) -> Iterator[np.ndarray]:
+        """Yield [what is played, u, v, y] of each run, without what `records` leaves out."""
+        u, v, y = self._play(self._reference(task), task.levels, seeds)
+        for columns in zip(u, v, y, strict=True):
+            shown = columns if self.actuator else (columns[0], columns[2])
+            yield np.hstack(shown if task.inject == "input" else (task.u, *shown))
 
-    def run_many(
-        self,
-        signal: Signal,
-        *,
-        seeds: Sequence[int],
-        inject: str | None = None,
-        noise: bool | Mapping[str, float] = True,
-    ) -> list[Recording]:
-        """Play `signal` once a seed."""
-        inject = injection_of(self.name, self.injections, inject)
-        seeds = [seed_of(self.name, seed) for seed in seeds]
-        hold = held(self.name, signal, self.dt, "the plant's sampling time")
-        check_limits(self.name, signal, self.injections[inject])
-        levels = noise_levels(self.name, self.noise_sources, noise)
-        r = np.repeat(signal.u, hold, axis=0)
-        if inject == "filtered_input":
-            full = self.input_filter.simulate(r)
-        elif self.feedback is not None:
-            other = np.zeros((len(r), len(self.inputs) + len(self.feedback.measured) - r.shape[1]))
-            full = np.hstack([r, other] if inject == "plant_input" else [other, r])
-        else:
-            full = r
-        u, v, y = self._play(full, levels, seeds)
-        period = None if signal.period is None else int(signal.period) * hold
-        channels = (*self.inputs, *(self.acting if self.actuator else ()), *self.outputs)
-        outside = inject != "input"  # what is played is none of the channels u and y
-        if outside:
-            channels = (*self.injections[inject].channels, *channels)
-        recordings = []
-        for seed, *columns in zip(seeds, u, v, y, strict=True):
-            columns = [columns[0], columns[2]] if not self.actuator else columns
-            columns = [r, *columns] if outside else columns
-            recordings.append(
-                Recording(
-                    time_s=np.arange(len(r)) * self.dt,
-                    values=np.hstack(columns),
-                    channels=channels,
-                    dt=self.dt,
-                    views=self.injections[inject].views,
-                    default="plant",
-                    period=period,
-                    loop=self._loop(inject),
-                    origin=Origin(self.name, self.preset, self.values(), inject, levels, seed),
-                    level="zero",
-                )
-            )
-        return recordings
-
-    def values(self) -> dict[str, Any]:
-        """Return the parameters' values."""
-        return {name: parameter.value for name, parameter in self.parameters.items()}
+    def _reference(self, task: Task) -> np.ndarray:
+        """Return [r1, r2] (N, ·) of the diagram."""
+        r = task.u
+        if task.inject == "filtered_input":
+            return self.input_filter.simulate(r)
+        if self.feedback is None:
+            return r
+        other = np.zeros((len(r), len(self.inputs) + len(self.feedback.measured) - r.shape[1]))
+        return np.hstack([r, other] if task.inject == "plant_input" else [other, r])
 
     def _loop(self, inject: str) -> Loop:
         if self.feedback is None:
             return Loop("open")
         return Loop("closed", self.feedback.controller, self.feedback.sign, ENTRIES[inject])
 
-    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: list[int]) -> tuple[np.ndarray, ...]:
+    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: Sequence[int]) -> tuple[np.ndarray, ...]:
+        """Return u, v and y (R, N, ·) of one run per seed."""
         plant = self.dynamics.scaled(levels)
         loop = interconnect(plant, self.feedback)
         root = start(plant, loop)
-        noise, initial = draw(plant.sources, levels, seeds, len(reference), root.shape[1])
-        return play(plant, self.feedback, self.actuator, loop, reference, noise, initial @ root.T)
+        noise = self._noise(levels, seeds, len(reference))
+        z = np.array([draw_start(plant.sources, seed, root.shape[1]) for seed in seeds])
+        return play(plant, self.feedback, self.actuator, loop, reference, noise, z @ root.T)
 
-
-def draw(
-    sources: Mapping[str, int], levels: Mapping[str, float], seeds: Sequence[int], count: int, initial: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return white noise of unit variance (R, N, nw) and (R, initial), from a spawned stream a source and one for the start.
-
-    Zeros for sources whose level is zero, where nobody would see it.
-    """
-    noise, start = np.empty((len(seeds), count, sum(sources.values()))), np.empty((len(seeds), initial))
-    for i, seed in enumerate(seeds):
-        *streams, last = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(len(sources) + 1))
-        noise[i] = np.hstack(
-            [
-                np.zeros((count, 0)),
-                *(
-                    stream.standard_normal((count, width)) if levels[name] else np.zeros((count, width))
-                    for stream, (name, width) in zip(streams, sources.items(), strict=True)
-                ),
-            ]
-        )
-        start[i] = last.standard_normal(initial)
-    return noise, start
+    def _noise(self, levels: Mapping[str, float], seeds: Sequence[int], count: int) -> np.ndarray:
+        """Return white noise of unit variance (R, count, nw) in the order of the sources."""
+        drawn = (draw(self.dynamics.sources, levels, seed, count).values() for seed in seeds)
+        return np.array([np.hstack([np.zeros((count, 0)), *each]) for each in drawn])

@@ -10,8 +10,9 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from plants.linear.described import Described, zero_order_hold
-from plants.plant import Parameter
+from excite.numerics.matrices import zero_order_hold
+from plants.arguments import Parameter
+from plants.linear.described import Described
 
 COUNTED = {
     "dt": Parameter(1.0, "s", "assumption: the source counts samples"),

@@ -1,6 +1,6 @@
 """The mjcf plant: any MuJoCo model's actuators as inputs and sensors as outputs, about a trim, in open or closed loop."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,18 +8,19 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from excite.arguments import multiple, number, text
 from excite.errors import ExciteError, SimulationStopped, placed
 from excite.models.state_space import StateSpaceModel
+from excite.plain import plain
 from excite.types.channel import Channel
 from excite.types.truth import Truth
-from plants.arguments import number, resolve
+from plants.arguments import NONE, Parameter, is_there, resolve
 from plants.linear.actuator import Saturation
-from plants.linear.described import channels_of, feedback_of, is_there, limits_of, matrix_of, plain
+from plants.linear.described import channels_of, feedback_of, limits_of, matrix_of
 from plants.linear.loop import DIVERGED, Dynamics, Feedback
-from plants.linear.plant import LinearPlant, draw
-from plants.mjcf.loading import load_model
+from plants.linear.plant import LinearPlant
+from plants.mjcf.loading import files_of, load_model
 from plants.mjcf.truth import CONTROL, Trim, direct, find_trim, linearise, sensor_channels, sensor_names, state_names
-from plants.plant import NONE, Parameter
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 DESCRIPTION = "any MuJoCo model file: actuators to sensors about an equilibrium, open or closed by a controller"
@@ -58,14 +59,21 @@ class Mjcf(LinearPlant):
     trim: Trim | None = None
     steps: int = 1
 
-    def _truth(self, view: str, levels: Mapping[str, float]) -> Truth:
-        truth = super()._truth(view, levels)
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The model file, where one was given, and all that it names."""
+        given = self.values["file"]
+        return files_of(Path(given)) if is_there(given) else ()
+
+    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+        """Return the truth of a view, good for small motions."""
+        truth = super().truth_of(view, levels)
         valid = f"small motions about {self.trim.name}; the linearisation of MuJoCo's own step by central differences"
         return replace(truth, kind="linearised", valid_amplitude=valid)
 
-    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: list[int]) -> tuple[np.ndarray, ...]:
+    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: Sequence[int]) -> tuple[np.ndarray, ...]:
         sources = self.dynamics.sources
-        noise, _ = draw(sources, levels, seeds, len(reference), 0)
+        noise = self._noise(levels, seeds, len(reference))
         noise *= np.repeat([levels[name] for name in sources], list(sources.values()))
         silent = len(self.inputs) + len(self.outputs) - noise.shape[2]  # states that are outputs
         noise = np.pad(noise, ((0, 0), (0, 0), (0, silent)))
@@ -113,9 +121,10 @@ class Mjcf(LinearPlant):
 
 def mjcf(preset: str = "example", parameters: Mapping[str, Any] | None = None) -> Mjcf:
     """Return the plant of a model file."""
-    given = plain(dict(parameters or {}), "mjcf")
+    given = plain(dict(parameters or {}), "mjcf", finite=False)
     if is_there(given.get("file")):
-        given["file"] = str(Path(_text(given, "file")).resolve())  # a recording must find it from any folder
+        file = text(given["file"], "mjcf parameter 'file'")
+        given["file"] = str(Path(file).resolve())  # a recording must find it from any folder
     resolved = resolve("mjcf", PRESETS, preset, given)
     values = {name: parameter.value for name, parameter in resolved.items() if is_there(parameter.value)}
     with placed("mjcf parameter 'file'"):
@@ -124,18 +133,20 @@ def mjcf(preset: str = "example", parameters: Mapping[str, Any] | None = None) -
         fields = _fields(values, model)
     except ExciteError as error:
         raise ExciteError(f"mjcf parameter {error}") from None
-    return Mjcf(name="mjcf", description=DESCRIPTION, parameters=resolved, preset=preset, note=NOTE, **fields)
+    return Mjcf(
+        name="mjcf", description=DESCRIPTION, parameters=resolved, preset=preset, note=NOTE, make=mjcf, **fields
+    )
 
 
 def _fields(values: Mapping[str, Any], model: mujoco.MjModel) -> dict[str, Any]:
-    trim = find_trim(model, _text(values, "keyframe") if "keyframe" in values else None, "state_feedback" in values)
+    keyframe = text(values["keyframe"], "'keyframe'") if "keyframe" in values else None
+    trim = find_trim(model, keyframe, "state_feedback" in values)
     step = model.opt.timestep
     dt = number(values.get("dt", step), "'dt'")
-    steps = round(dt / step)
-    if steps < 1 or abs(dt - steps * step) > 1e-9 * dt:
-        raise ExciteError(
-            f"'dt': {dt:g} s is no whole multiple of the model's timestep; give {max(steps, 1) * step:g} s"
-        )
+    steps = multiple(dt, step)
+    if steps is None:
+        near = max(round(dt / step), 1) * step
+        raise ExciteError(f"'dt': {dt:g} s is no whole multiple of the model's timestep; give {near:g} s")
     dynamics = linearise(model, trim, steps)
     actuators = [f"{model.actuator(i).name or f'actuator_{i}'} [1]" for i in range(model.nu)]
     sensors = sensor_channels(model)
@@ -194,9 +205,3 @@ def _feedback(values: Mapping[str, Any], sensors: list[str], dynamics: Dynamics,
     K = matrix_of(values["state_feedback"], "state_feedback", (nu, n))
     static = StateSpaceModel(np.zeros((0, 0)), np.zeros((0, n)), np.zeros((nu, 0)), K, dt)
     return Feedback(static, tuple(range(len(sensors), len(sensors) + n)))
-
-
-def _text(values: Mapping[str, Any], key: str) -> str:
-    if not isinstance(values[key], str):
-        raise ExciteError(f"mjcf parameter '{key}': {values[key]!r}; give text")
-    return values[key]

@@ -13,7 +13,7 @@ import numpy as np
 
 from excite.errors import SimulationStopped
 from excite.types.channel import Channel
-from plants.noise import streams
+from plants.noise import draw
 from plants.quadrotor.air import Drag, wind
 from plants.quadrotor.arithmetic import ARRAYS, FLOATS, Arithmetic
 from plants.quadrotor.battery import Battery
@@ -137,8 +137,8 @@ def fly_many(
 
 
 def _noise(values: Mapping[str, float], levels: Mapping[str, float], seed: int, count: int) -> dict[str, np.ndarray]:
-    """Return what disturbs each step, (count, width) a sensor or actuator; what is silent is left out."""
-    drawn = streams(levels, NOISE_CHANNELS, seed, count)
+    """Return what disturbs each step, (count, width) per sensor or actuator; what is silent is left out."""
+    drawn = {name: levels[name] * each for name, each in draw(NOISE_CHANNELS, levels, seed, count).items()}
     loud = {name: drawn[name] for name in ("thrust", "gyro", "attitude", "accelerometer") if levels[name]}
     for name in ("gyro", "accelerometer"):
         if levels[f"{name}_bias"]:

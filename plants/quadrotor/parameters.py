@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.errors import ExciteError
-from plants.plant import Parameter
+from plants.arguments import Parameter
 
 GRAVITY = 9.81  # m/s2
 DEGREES = 180.0 / math.pi  # in a radian

@@ -1,19 +1,18 @@
 """The quadrotor plant: plays a signal on the flight controller in MuJoCo and records everything."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError
 from excite.types.channel import Channel
 from excite.types.loop import Loop
-from excite.types.origin import Origin
-from excite.types.recording import Recording, Roles
+from excite.types.recording import Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from plants.arguments import check_limits, held, injection_of, noise_levels, resolve, seed_of
-from plants.plant import Injection, views_of
+from plants.arguments import resolve
+from plants.plant import Injection, Layout, Plant, Task
 from plants.quadrotor import truth as linear
 from plants.quadrotor.airframe import build_model
 from plants.quadrotor.controller import ATTITUDE_DT, FRAME, RATE_DT
@@ -41,7 +40,7 @@ def _rates(reference: tuple[Channel, ...]) -> Roles:
     return Roles(_names(DERIVED), ("p", "q", "r"), _names(reference), closed=True)
 
 
-class Quadrotor:
+class Quadrotor(Plant):
     """A Crazyflie-class quadrotor near hover: MuJoCo rigid body, lagging motors, the firmware's cascaded PID.
 
     Axes x forward, y left, z up; roll, pitch, yaw are right-handed ZYX Euler angles, so positive pitch is nose down.
@@ -76,6 +75,7 @@ class Quadrotor:
     name = "quadrotor"
     description = "Crazyflie-class quadrotor near hover: MuJoCo rigid body, motor lag, cascaded PID of the firmware"
     dt = RATE_DT
+    outputs = (*LOGGED, *DERIVED, YAW_RATE)
     injections: Mapping[str, Injection] = {
         "attitude_setpoint": Injection(
             SET_POINTS,
@@ -110,7 +110,6 @@ class Quadrotor:
         self.preset = preset
         self.parameters = resolve(self.name, PRESETS, preset, parameters or {})
         self.noise_sources = NOISE_SOURCES[preset]
-        self.values = {name: parameter.value for name, parameter in self.parameters.items()}
         hover_command(self.values)
         if self.values["hover_altitude"] <= MIN_ALTITUDE:
             raise ExciteError(
@@ -119,109 +118,59 @@ class Quadrotor:
             )
         self.model = build_model(self.values)
 
-    def truth(self, recording: Recording | None, view: str) -> Truth:
-        """Return the small-signal model of a view, with the parameters and noise levels of `recording`.
+    def records(self, inject: str | None = None) -> Layout:
+        """What is played, the log of the flight, thrust differences and yaw rate."""
+        inject = self._place(inject)
+        place = self.injections[inject]
+        loop = Loop("closed", entry="plant input" if inject == "motor_command" else "set-point")
+        return Layout((*place.channels, *self.outputs), self.dt, place.views, "rates", loop)
 
-        Without a recording, this plant's parameters and the default noise levels are used.
-        """
-        views = views_of(self)
-        if view not in views:
-            raise ExciteError(f"quadrotor view '{view}' does not exist; {did_you_mean(view, views)}")
-        origin = None if recording is None else recording.origin
-        if origin is not None and origin.plant != self.name:
-            raise ExciteError(f"quadrotor truth: the recording is of {origin.plant!r}; pass one of this plant")
-        values = self.values if origin is None else origin.parameters
-        levels = noise_levels(self.name, self.noise_sources, True) if origin is None else origin.noise
-        known = (*SET_POINTS, *RATES_ADDED, *MOTORS_ADDED, *LOGGED, *DERIVED, YAW_RATE)
-        roles, units = views[view], {c.name: c for c in known}
-        channels = ([units[name] for name in names] for names in (roles.inputs, roles.outputs))
-        return linear.truth(view, values, levels, *channels)
+    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+        """Return the small-signal model of a view."""
+        known = {c.name: c for c in (*SET_POINTS, *RATES_ADDED, *MOTORS_ADDED, *self.outputs)}
+        roles = self.views[view]
+        channels = ([known[name] for name in names] for names in (roles.inputs, roles.outputs))
+        return linear.truth(view, self.values, levels, *channels)
 
-    def floor(self, recording: Recording, view: str) -> dict[str, float]:
-        """Return the linearisation floor of an experiment: fit [%] of the truth's simulation to its noise-free twin.
-
-        The twin is flown anew; both start from trim at the start of the excitation. No linear model can be expected to do
-        much better.
-        """
-        origin = recording.origin
-        names = _names(self.injections[origin.inject].channels)
-        first = round(origin.start_s / self.dt)
-        signal = Signal(recording.columns(names)[first::FRAME], ATTITUDE_DT)
-        plant = Quadrotor(origin.preset, origin.parameters)
-        twin = plant.run(signal, inject=origin.inject, noise=False).experiment(view)
-        twin = twin.window(int(np.searchsorted(twin.time_s, origin.start_s - self.dt / 2)))
-        error = twin.y - plant.truth(recording, view).model.simulate(twin.u)
-        size = np.linalg.norm(twin.y - twin.y.mean(0), axis=0)
-        fits = 100.0 * (1.0 - np.linalg.norm(error, axis=0) / np.where(size > 0, size, np.nan))
-        return {channel.name: float(fit) for channel, fit in zip(twin.outputs, fits, strict=True)}
-
-    def run(
-        self, signal: Signal, *, inject: str | None = None, noise: bool | Mapping[str, float] = True, seed: int = 0
-    ) -> Recording:
-        """Play `signal` with zero-order hold and record every 2 ms."""
-        played, levels, (seed,) = self._prepare(signal, inject, noise, [seed])
-        log = fly_one(self.model, self.values, played, levels, seed)
-        return self._recording(signal, played, levels, seed, log)
-
-    def run_many(
-        self,
-        signal: Signal,
-        *,
-        seeds: Sequence[int],
-        inject: str | None = None,
-        noise: bool | Mapping[str, float] = True,
-    ) -> list[Recording]:
-        """Play `signal` once a seed, many flights at a time; one that is unsafe stops them all and is named by its seed."""
-        played, levels, seeds = self._prepare(signal, inject, noise, seeds)
-        at_once = max(1, MANY_SAMPLES // len(played.u))
-        recordings = []
-        for start in range(0, len(seeds), at_once):
-            some = seeds[start : start + at_once]
-            if len(some) < MANY:
-                logs = [fly_one(self.model, self.values, played, levels, seed) for seed in some]
-            else:
-                logs = fly_many(self.model, self.values, played, levels, some)
-            recordings += [self._recording(signal, played, levels, *each) for each in zip(some, logs, strict=True)]
-        return recordings
-
-    def _prepare(
-        self, signal: Signal, inject: str | None, noise: bool | Mapping[str, float], seeds: Sequence[int]
-    ) -> tuple[Excitation, dict[str, float], list[int]]:
-        """Check what is asked for, and return what is played, noise levels and seeds."""
-        inject = injection_of(self.name, self.injections, inject)
-        seeds = [seed_of(self.name, seed) for seed in seeds]
-        hold = FRAME * held(
-            self.name, signal, ATTITUDE_DT, "the interval at which the attitude loop reads its set-points"
-        )
-        check_limits(self.name, signal, self.injections[inject])
-        levels = noise_levels(self.name, self.noise_sources, noise)
-        if levels["gust"] and not self.values["drag"]:
+    def prepare(self, signal: Signal, inject: str | None = None, noise: bool | Mapping[str, float] = True) -> Task:
+        """Refuse also wind that would not act, and loops that are not internally stable."""
+        task = super().prepare(signal, inject, noise)
+        if task.levels["gust"] and not self.values["drag"]:
             raise ExciteError(
-                f"quadrotor noise 'gust': {levels['gust']:g} m/s; wind acts through the drag, and parameter drag is 0; give it "
-                "a value (0.0056 N s/m is a Crazyflie's), or use preset 'outdoors'"
+                f"quadrotor noise 'gust': {task.levels['gust']:g} m/s; wind acts through the drag, and parameter drag is 0; "
+                "give it a value (0.0056 N s/m is a Crazyflie's), or use preset 'outdoors'"
             )
         linear.check_stability(self.values)
-        wait = math.ceil(self.values["takeoff"] / signal.dt - 1e-9) * hold
-        u = np.vstack([np.zeros((wait, signal.u.shape[1])), np.repeat(signal.u, hold, axis=0)])
-        return Excitation(inject, u, wait), levels, seeds
+        return task
 
-    def _recording(
-        self, signal: Signal, played: Excitation, levels: Mapping[str, float], seed: int, log: np.ndarray
-    ) -> Recording:
+    def hold(self, signal: Signal) -> int:
+        """Return the steps of the rate loop in one of the signal's samples; the attitude loop reads every second."""
+        why = "the interval at which the attitude loop reads its set-points"
+        return FRAME * self.whole_multiple(signal, ATTITUDE_DT, why)
+
+    def start_s(self, task: Task) -> float:
+        """Return when the excitation begins: after the take-off, if there is one."""
+        return self._takeoff(task) * self.dt
+
+    def simulate(self, task: Task, seeds: Sequence[int]) -> Iterator[np.ndarray]:
+        """Yield the values of each flight, many flown at a time; an unsafe one stops them all and is named by its seed."""
+        wait = self._takeoff(task)
+        u = np.vstack([np.zeros((wait, task.signal.u.shape[1])), task.u])
+        played = Excitation(task.inject, u, wait)
+        at_once = max(1, MANY_SAMPLES // len(u))
+        for first in range(0, len(seeds), at_once):
+            some = seeds[first : first + at_once]
+            if len(some) < MANY:
+                logs = (fly_one(self.model, self.values, played, task.levels, seed) for seed in some)
+            else:
+                logs = fly_many(self.model, self.values, played, task.levels, some)
+            yield from (self._shown(u, log) for log in logs)
+
+    def _takeoff(self, task: Task) -> int:
+        """Return the steps of the take-off, whole samples of the signal."""
+        return math.ceil(self.values["takeoff"] / task.signal.dt - 1e-9) * task.hold
+
+    def _shown(self, u: np.ndarray, log: np.ndarray) -> np.ndarray:
+        """Return what is recorded of a flight: what was played, its log, and what follows from that."""
         forces = thrust_map(self.values).thrust(log[:, _M1 : _M1 + 4])
-        yaw_rate = np.degrees(log[:, _R : _R + 1])
-        place = self.injections[played.inject]
-        return Recording(
-            time_s=np.arange(len(log)) * self.dt,
-            values=np.hstack([played.u, log, forces @ SIGNS.T, yaw_rate]),
-            channels=(*place.channels, *LOGGED, *DERIVED, YAW_RATE),
-            dt=self.dt,
-            views=place.views,
-            default="rates",
-            period=None if signal.period is None else int(signal.period) * round(signal.dt / self.dt),
-            loop=Loop("closed", entry="plant input" if played.inject == "motor_command" else "set-point"),
-            origin=Origin(
-                self.name, self.preset, self.values, played.inject, levels, seed, start_s=played.takeoff * self.dt
-            ),
-            level="zero",
-        )
+        return np.hstack([u, log, forces @ SIGNS.T, np.degrees(log[:, _R : _R + 1])])

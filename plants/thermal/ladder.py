@@ -1,25 +1,23 @@
 """The thermal ladder: electronics that heat up, as an RC network of any length seen at one or several nodes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from excite.arguments import numbers
 from excite.errors import ExciteError, placed
-from excite.generators import log_times
+from excite.generators.multistep import log_times
 from excite.numerics.networks import cauer_to_foster, foster_to_cauer, response
 from excite.numerics.simulate import states
 from excite.types.channel import Channel
-from excite.types.recording import Recording
-from excite.types.signal import Signal
-from plants.arguments import check_limits, number, resolve
+from plants.arguments import NONE, Parameter, is_there, resolve
 from plants.linear.actuator import actuate
-from plants.linear.described import NONE, is_there
 from plants.linear.loop import Dynamics
 from plants.linear.plant import LinearPlant
-from plants.noise import streams
-from plants.plant import Parameter
+from plants.noise import draw
+from plants.plant import Layout, Task
 
 FIVE = "assumption: five time constants over the range of seed 001, chapter 8"
 LED = "Luminus SST-10 application note: LED, board, interface, heat sink"
@@ -81,40 +79,44 @@ class ThermalLadder(LinearPlant):
     tau: np.ndarray
     by_voltage: np.ndarray
 
-    def run_many(
-        self,
-        signal: Signal,
-        *,
-        seeds: Sequence[int],
-        inject: str | None = None,
-        noise: bool | Mapping[str, float] = True,
-    ) -> list[Recording]:
-        """Play `signal` once a seed."""
-        options = {"seeds": seeds, "inject": inject, "noise": noise}
-        if not self.values()["samples_per_decade"]:
-            return super().run_many(signal, **options)
-        begun = super().run_many(replace(signal, u=signal.u[:1], period=None), **options)
-        check_limits(self.name, signal, self.injections["input"])
-        time_s, power, clean = self._logarithmic(signal, begun[0].origin.noise["transient"])
-        recordings = []
-        for each in begun:
-            noises = streams(each.origin.noise, {"measurement": clean.shape[1]}, each.origin.seed, len(clean))
-            recordings.append(
-                replace(each, time_s=time_s, values=np.hstack([power, clean + noises["measurement"]]), dt=None)
-            )
-        return recordings
+    @property
+    def logarithmic(self) -> bool:
+        """Whether it samples at times that are even on a logarithmic scale."""
+        return bool(self.values["samples_per_decade"])
 
-    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: list[int]) -> tuple[np.ndarray, ...]:
+    def records(self, inject: str | None = None) -> Layout:
+        """Power and temperatures; at uneven times where they are logarithmic."""
+        layout = super().records(inject)
+        return replace(layout, dt=None) if self.logarithmic else layout
+
+    def times(self, task: Task, count: int) -> np.ndarray:
+        """Return when the samples are taken, on the grid of dt."""
+        return self._log_times(task) if self.logarithmic else super().times(task, count)
+
+    def simulate(self, task: Task, seeds: Sequence[int]) -> Iterator[np.ndarray]:
+        """Yield [power, temperatures] of each run."""
+        if not self.logarithmic:
+            yield from super().simulate(task, seeds)
+            return
+        power, clean = self._logarithmic(task)
+        for seed in seeds:
+            noise = draw(self.dynamics.sources, task.levels, seed, len(clean))["measurement"]
+            yield np.hstack([power, clean + task.levels["measurement"] * noise])
+
+    def _play(self, reference: np.ndarray, levels: Mapping[str, float], seeds: Sequence[int]) -> tuple[np.ndarray, ...]:
         u, power, T = super()._play(reference, levels, seeds)
-        settles = np.array([[-np.expm1(-self.dt / self.values()["transient_time"])]])
+        settles = np.array([[-np.expm1(-self.dt / self.values["transient_time"])]])
         settled = states(1 - settles, settles, power[0])
         return u, power, T + levels["transient"] * (power[0] - settled) * self.by_voltage
 
-    def _logarithmic(self, signal: Signal, transient: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return times (N,) evenly spaced on a logarithmic scale, the power then, and temperatures (N, m)."""
+    def _log_times(self, task: Task) -> np.ndarray:
         with placed(f"{self.name} parameter 'samples_per_decade'"):
-            per_decade = int(self.values()["samples_per_decade"])
-            time_s = log_times(first_s=self.dt, last_s=signal.duration_s, per_decade=per_decade, dt=self.dt)
+            per_decade = int(self.values["samples_per_decade"])
+            return log_times(first_s=self.dt, last_s=task.signal.duration_s, per_decade=per_decade, dt=self.dt)
+
+    def _logarithmic(self, task: Task) -> tuple[np.ndarray, np.ndarray]:
+        """Return the power (N, ·) at times evenly spaced on a logarithmic scale, and the temperatures (N, m) then."""
+        time_s, signal = self._log_times(task), task.signal
         if self.actuator:
             signal = signal.sampled(self.dt)
         power = np.hstack([signal.u, actuate(self.actuator, signal.u)]) if self.actuator else signal.u
@@ -122,9 +124,9 @@ class ThermalLadder(LinearPlant):
         starts_s = starts * signal.dt
         now = power[starts[np.searchsorted(starts_s, time_s, side="right") - 1]]
         # The electrical transient is what its own mode still lacks of the power.
-        shown = transient * self.by_voltage
-        R, tau = np.vstack([self.resistance, -shown]), np.append(self.tau, self.values()["transient_time"])
-        return time_s, now, response(R, tau, power[starts, -1], starts_s, time_s) + shown * now[:, -1:]
+        shown = task.levels["transient"] * self.by_voltage
+        R, tau = np.vstack([self.resistance, -shown]), np.append(self.tau, self.values["transient_time"])
+        return now, response(R, tau, power[starts, -1], starts_s, time_s) + shown * now[:, -1:]
 
 
 def thermal_ladder(preset: str = "five", parameters: Mapping[str, Any] | None = None) -> ThermalLadder:
@@ -140,7 +142,7 @@ def thermal_ladder(preset: str = "five", parameters: Mapping[str, Any] | None = 
     found = resolve(NAME, PRESETS, preset, given)
     for name in ("resistance", "capacitance", "time_constant"):
         if is_there(found[name].value):
-            found[name] = replace(found[name], value=_numbers(found[name].value, f"{NAME} parameter '{name}'"))
+            found[name] = replace(found[name], value=numbers(found[name].value, f"{NAME} parameter '{name}'"))
     R, C, tau, nodes = (found[name].value for name in ("resistance", "capacitance", "time_constant", "nodes"))
     if is_there(C) == is_there(tau):
         raise ExciteError(
@@ -183,10 +185,5 @@ def thermal_ladder(preset: str = "five", parameters: Mapping[str, Any] | None = 
         tau=tau,
         by_voltage=(np.array(nodes) == 1).astype(float),
         note="power into node 1, from thermal equilibrium; the limit is an assumption",
+        make=thermal_ladder,
     )
-
-
-def _numbers(values: Any, place: str) -> list[float]:
-    if not isinstance(values, list | tuple):
-        raise ExciteError(f"{place}: {values!r}; give a list of numbers")
-    return [number(value, f"{place}[{i}]") for i, value in enumerate(values)]

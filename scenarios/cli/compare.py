@@ -5,8 +5,10 @@ import numpy as np
 
 from excite.errors import ExciteError, placed
 from scenarios.cli.common import assignments, json_option, parse_orders
-from scenarios.cli.output import ProgressLine, new_folder, print_json, print_lines
+from scenarios.cli.output import ProgressLine, grouped, new_folder, print_json, print_lines
 from scenarios.cli.reading import data_options, read_experiment
+
+RANK_BY = "fit_simulation"
 
 
 @click.command()
@@ -33,7 +35,7 @@ def compare(
     """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
     from identify.estimate_json import estimate_to_dict
     from identify.fit import fit
-    from identify.score import score
+    from identify.score import UNCLIPPED, score
     from identify.settings import load_methods
     from scenarios.run.store import write_json
 
@@ -52,20 +54,20 @@ def compare(
     pairs = [(name, n) for name in chosen for n in wanted]
     for i, (name, n) in enumerate(pairs):
         method = chosen[name]
-        row = {"method": name, "order": n, "values": {}, "reason": None}
+        row = {"method": name, "order": n, "values": {}, "reason": None, "reasons": {}}
         try:
             with placed(", ".join(file)):
                 estimate = fit(tuple(data), method, n, shared=shared)
             with placed(label):
                 result = score(estimate, judged)
-            row["values"] = result.values
+            row["values"], row["reasons"] = result.values, result.reasons
             models[f"{name}-n{n}.json"] = estimate_to_dict(estimate, result.per_output)
         except ExciteError as error:
             row["reason"] = str(error)
         rows.append(row)
         progress("identifying", i + 1, len(pairs))
-    rows.sort(key=lambda row: -np.nan_to_num(row["values"].get("fit_simulation_unclipped", np.nan), nan=-np.inf))
-    report = {"schema_version": 1, "validation": label, "rank_by": "fit_simulation", "rows": rows}
+    rows.sort(key=lambda row: -row["values"].get(f"{RANK_BY}{UNCLIPPED}", -np.inf))
+    report = {"schema_version": 1, "validation": label, "rank_by": RANK_BY, "rows": rows}
     for name, model in models.items():
         write_json(target / name, model)
     write_json(target / "comparison.json", report)
@@ -77,17 +79,21 @@ def compare(
 
 
 def _table(rows: list[dict]) -> list[str]:
+    """Return the table of all metrics with a value in some row; below it, why the others have none."""
+    from excite.words import NONE, number
+    from identify.metrics.registry import metrics_at
     from scenarios.report.tables import to_text
 
-    shown = ("fit_simulation", "fit_one_step", "vaf_simulation", "vaf_one_step")
     good = [row for row in rows if row["reason"] is None]
-    text = [
-        [str(i + 1), row["method"], str(row["order"]), *(_number(row["values"].get(name)) for name in shown)]
-        for i, row in enumerate(good)
-    ]
+    shown = [metric for metric in metrics_at(()) if any(metric.name in row["values"] for row in good)]
+    text, notes = [], []
+    for i, row in enumerate(good):
+        values = [row["values"].get(metric.name, np.nan) for metric in shown]
+        cells = [number(metric.scale * value, metric.decimals) for metric, value in zip(shown, values, strict=True)]
+        rank = str(i + 1) if RANK_BY in row["values"] else NONE
+        text.append([rank, row["method"], str(row["order"]), *cells])
+        lacking = {metric.name: row["reasons"][metric.name] for metric in shown if metric.name not in row["values"]}
+        notes += [f"{row['method']} n={row['order']}: no {', '.join(names)}: {why}" for why, names in grouped(lacking)]
     failed = [f"{row['method']} n={row['order']} failed: {row['reason']}" for row in rows if row["reason"] is not None]
-    return [*to_text(["rank", "method", "order", *(f"{name} %" for name in shown)], text).splitlines(), *failed]
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
+    headers = ["rank", "method", "order", *(f"{metric.name} {metric.unit}" for metric in shown)]
+    return [*to_text(headers, text).splitlines(), *notes, *failed]

@@ -18,10 +18,11 @@ NEEDED = ("numpy", "scipy", "control", "mujoco", "matplotlib", "osqp", "h5py", "
 REGISTRIES = (
     "excite.generators:GENERATORS",
     "excite.files.formats:FORMATS",
-    "plants.plant:PLANTS",
+    "plants.registry:PLANTS",
     "identify.registry:METHODS",
     "identify.orders.rules:ORDER_RULES",
-    "identify.score:METRICS",
+    "identify.metrics.registry:METRICS",
+    "identify.figures.registry:FIGURES",
 )
 
 Finding = tuple[bool, str]  # whether it is as it should be, and what to say
@@ -89,7 +90,7 @@ def plugins() -> Iterator[Finding]:
 
 def simulators() -> Iterator[Finding]:
     """Load every plant."""
-    from plants.plant import list_plants, load_plant
+    from plants.registry import list_plants, load_plant
 
     for name in list_plants():
         try:

@@ -3,26 +3,31 @@
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from excite.errors import ExciteError
+from excite.plain import plain
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from excite.limits.limits import Limits
     from excite.limits.played import Played
     from excite.types.signal import Signal
 
 
+def grouped(reasons: Mapping[str, str]) -> list[tuple[str, list[str]]]:
+    """Return (reason, names) of metrics without a value, each reason once."""
+    groups: dict[str, list[str]] = {}
+    for name, reason in reasons.items():
+        groups.setdefault(reason, []).append(name)
+    return list(groups.items())
+
+
 def print_json(value: Any) -> None:
     """Print one strict JSON object on stdout."""
-    from identify.estimate_json import plain  # here, because `excite doctor` must work where our identify is not found
-
     click.echo(json.dumps(plain(value), indent=1, allow_nan=False))
 
 
@@ -85,18 +90,12 @@ def new_folder(path: str) -> Path:
     return target
 
 
-def save_plot(figure: "Figure", path: str) -> None:
-    """Write a figure; the extension says how."""
-    from scenarios.report.signal_figure import save_figure
-
-    save_figure(figure, path)
-
-
 def plot_later(path: str | None) -> Callable[["Signal", "Limits | None"], None]:
     """Check the path of a signal's figure now and return what draws it, so that a bad name costs no work."""
     if path is None:
         return lambda signal, limits: None
     new_file(path)
-    from scenarios.report.signal_figure import signal_figure
+    from excite.figures.save import save_figure
+    from excite.figures.signal import signal_figure
 
-    return lambda signal, limits: save_plot(signal_figure(signal, limits), path)
+    return lambda signal, limits: save_figure(signal_figure(signal, limits), path)

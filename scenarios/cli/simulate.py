@@ -33,7 +33,7 @@ def simulate(
     clip: str | None,
 ) -> int:
     """Play a signal file on a simulated PLANT and record it."""
-    from plants.plant import load_plant
+    from plants.registry import load_plant
 
     if clip is not None and (plant != "quadrotor" or new_file(clip, file, out).suffix.lower() != ".gif"):
         raise ExciteError(f"--clip {clip}: only flights of the quadrotor can be filmed, into a file that ends in .gif")

@@ -1,7 +1,7 @@
 """From a scenario to what is played: excitation, certificates, horizons; what cannot work is refused before it flies."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal
 from excite.types.truth import Truth
+from identify.compare import Entry, entries
 from identify.data.records import Kind, Records
 from identify.fit import check
 from identify.method import Method
@@ -29,27 +30,28 @@ class Design:
     warnings: tuple[str, ...]
 
 
-def make_design(scenario: Scenario) -> Design:
-    """Design the excitation and judge it for every view and method.
+def make_design(scenario: Scenario, signal: Signal | None = None) -> Design:
+    """Design the excitation, unless it is given, and judge it for every view and method.
 
     Raises ExciteError for roles, bands, orders and horizons that the records will not allow, and DesignRefused when the
     excitation is unsafe or cannot work.
     """
     with placed(f"{scenario.file}: excitation"):
-        signal = scenario.design(scenario.seed)
+        signal = scenario.design(scenario.seed) if signal is None else signal
     check_signal(scenario, signal)
-    with placed(f"{scenario.file}: excitation"):
-        first = replace(signal, u=signal.u[:1], period=None)
-        recording = scenario.plant.run(first, inject=scenario.inject, noise=False)
-    if recording.dt is None:
+    layout = scenario.plant.records(scenario.inject)
+    if layout.dt is None:
         raise ExciteError(
             f"{scenario.file}: plant.parameters: they have the plant sample at uneven times, which no scenario can take; have it "
             "sample uniformly, or record it by `excite simulate`"
         )
+    with placed(f"{scenario.file}: excitation"):
+        scenario.plant.prepare(signal, scenario.inject, noise=False)
+    blank = layout.blank()
     certificates, chosen, warnings = {}, {}, list(signal.warnings)
     for i, spec in enumerate(scenario.views):
         with placed(f"{scenario.file}: view[{i}]"):
-            recording.experiment(spec.roles)
+            blank.experiment(spec.roles)
         chosen[spec.name] = rule = view_horizons(scenario, spec, signal)
         if note := _inexact(scenario, spec, rule, signal):
             warnings.append(note)
@@ -94,6 +96,12 @@ def built_methods(scenario: Scenario, spec: ViewSpec, rule: Horizons) -> list[tu
     """Return the methods of one view with their horizons filled in."""
     mine = [m for m in scenario.methods if m.view == spec.name]
     return [(m, m.build(rule.fill(method_class(m.name)))) for m in mine]
+
+
+def built_entries(scenario: Scenario, spec: ViewSpec, rule: Horizons) -> tuple[Entry, ...]:
+    """Return the methods of one view as entries of a comparison, with labels that differ."""
+    built = built_methods(scenario, spec, rule)
+    return entries([Entry(m.label or m.name, method, m.orders) for m, method in built])
 
 
 def _held(scenario: Scenario, spec: ViewSpec, signal: Signal) -> int | None:
@@ -144,13 +152,14 @@ def _check_methods(scenario: Scenario, spec: ViewSpec, rule: Horizons, signal: S
 def _judge(scenario: Scenario, spec: ViewSpec, rule: Horizons, signal: Signal) -> tuple[Certificate, list[str]]:
     """Certify the excitation at the view's rate against what its methods need."""
     pairs = [(m, method, n) for m, method in built_methods(scenario, spec, rule) for n in m.orders]
-    sufficient = max(method.sufficient_excitation(n) for _, method, n in pairs)
+    sufficient = max(1, *(method.sufficient_excitation(n if isinstance(n, int) else None) for _, method, n in pairs))
     dt = scenario.plant.dt
     certificate = certify(signal.sampled(dt).sampled(dt * spec.roles.every * rule.every), block_rows=sufficient)
     warnings = []
     for m, method, n in pairs:
-        need, enough = method.required_excitation(n), method.sufficient_excitation(n)
-        what = f"view '{spec.name}': {m.name} n={n}"
+        states = n if isinstance(n, int) else None
+        need, enough = method.required_excitation(states), method.sufficient_excitation(states)
+        what = f"view '{spec.name}': {m.name}" + ("" if n is None else f" n={n}")
         if certificate.order < need and not spec.roles.closed:
             raise DesignRefused(
                 f"{scenario.file}: {what} needs an input persistently exciting of order {need}, the design has order "

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from excite.arguments import LARGEST_WHOLE, bad, is_number, is_whole
 from excite.errors import ExciteError, did_you_mean
 
 NUMBER = (int, float)
@@ -23,7 +24,7 @@ class TomlTable:
 
     def __init__(self, values: Any, place: str) -> None:
         if not isinstance(values, dict):
-            raise ExciteError(f"{place.rstrip('.')}: {values!r}; give a table, with a [header] of its own")
+            raise bad(place.rstrip("."), values, "give a table, with a [header] of its own")
         self.values, self.place, self.known = dict(values), place, []
 
     def take(self, key: str, kind: type | tuple[type, ...], default: Any = ..., check: Callable | None = None) -> Any:
@@ -37,9 +38,9 @@ class TomlTable:
         kinds = kind if isinstance(kind, tuple) else (kind,)
         if not is_a(value, kinds):
             names = list(dict.fromkeys(_NAMES[k] for k in kinds if k is not int or float not in kinds))
-            raise ExciteError(f"{self.place}{key}: {value!r}; give {' or '.join(names)}")
+            raise bad(f"{self.place}{key}", value, f"give {' or '.join(names)}")
         if check is not None and (remedy := check(value)):
-            raise ExciteError(f"{self.place}{key}: {value!r}; {remedy}")
+            raise bad(f"{self.place}{key}", value, remedy)
         return value
 
     def items(self, key: str, kind: type | tuple[type, ...], default: list, check: Callable | None = None) -> list:
@@ -71,7 +72,7 @@ def is_a(value: Any, kinds: tuple[type, ...]) -> bool:
     """Whether a value has one of the types; true and false are no numbers, and numbers are finite, of 64 bits."""
     if isinstance(value, bool):
         return bool in kinds
-    beyond = isinstance(value, NUMBER) and not (abs(value) < 2**63 if isinstance(value, int) else math.isfinite(value))
+    beyond = is_number(value) and not abs(value) < (LARGEST_WHOLE if is_whole(value) else math.inf)
     return isinstance(value, kinds) and not beyond
 
 

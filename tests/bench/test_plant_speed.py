@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plants.conformance import small_signal
-from plants.plant import list_plants, load_plant
+from plants.registry import list_plants, load_plant
 
 pytestmark = pytest.mark.bench
 

@@ -16,7 +16,7 @@ from excite.numerics.simulate import observability
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.realization.cobra import shifted_covariances
 from identify.realization.shifted_data import covariance_input_matrices
 from identify.steps.covariance import cross_covariance, smoothed_covariance

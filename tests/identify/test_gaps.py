@@ -11,7 +11,7 @@ from identify.data.gaps import gap_free
 from identify.data.records import Records
 from identify.examples import series as example
 from identify.fit import fit, unsupported
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.registry import load_method
 
 METHODS = [

@@ -14,7 +14,7 @@ from identify.estimate import Status
 from identify.examples import closed_loop
 from identify.examples import series as example
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.orders.gap import largest_gap
 from identify.registry import load_method
 

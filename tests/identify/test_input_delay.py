@@ -10,7 +10,8 @@ from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
 from identify.orders.table import order_table
 from identify.registry import METHODS, load_method, method_class
 from scenarios.report.text import estimate_text

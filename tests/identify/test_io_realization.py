@@ -15,7 +15,7 @@ from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.estimate_json import estimate_from_dict, estimate_to_dict
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.realization.shifted_data import BIASED
 
 POLES = la.eigvals([[0.7, 1.0], [-0.16, 0.7]])  # of Example 4.1

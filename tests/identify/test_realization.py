@@ -13,7 +13,8 @@ from excite.numerics.simulate import markov, observability, simulate
 from excite.types.experiment import Experiment
 from identify.examples import closed_loop
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
 from identify.registry import load_method
 from identify.steps.hankel_svd import hankel_of, hankel_svd
 from identify.steps.shift import Shift

@@ -12,7 +12,7 @@ from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.examples import closed_loop
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 
 RUNS = range(100)
 

@@ -19,7 +19,7 @@ from identify.estimate import Status
 from identify.examples import closed_loop
 from identify.examples import series as example
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error
+from identify.metrics.impulse import impulse_error
 from identify.registry import METHODS, load_method, method_class
 from identify.steps.compression import lq
 from identify.steps.regions import Stable

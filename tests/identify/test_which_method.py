@@ -21,7 +21,8 @@ from excite.numerics.simulate import observability, simulate
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.fit import fit
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
 from identify.registry import METHODS
 
 # The README's promises, as multiples of the smallest error of all methods that take the data.

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from excite.errors import ExciteError
 from excite.types.signal import Signal
 from plants.linear.actuator import IN_FRONT, Backlash, Quantiser, RateLimit, Saturation, actuate
-from plants.plant import list_plants, load_plant
+from plants.registry import list_plants, load_plant
 
 U = np.random.default_rng(0).choice([-1.0, 1.0], (300, 1))
 SIZES = {"actuator_quantum": 0.3, "actuator_saturation": 0.8, "actuator_rate": 0.5, "actuator_backlash": 0.2}

@@ -18,7 +18,7 @@ from plants.aeroelastic.sensors import ACCELEROMETERS, BEAM, FUSELAGE, PRESSURES
 from plants.aeroelastic.turbulence import dryden_vertical, sampled_noise
 from plants.conformance import checks_of
 from plants.linear.actuator import Element, RamRate
-from plants.plant import load_plant
+from plants.registry import load_plant
 
 ORDERS = {"flap": 6, "aileron": 12, "combined": 18}
 INJECT = {"flap": "input", "aileron": "plant_input", "combined": "plant_input"}
@@ -79,7 +79,7 @@ def test_shapes_are_those_of_a_clamped_wing_on_two_sides():
 @pytest.mark.parametrize("preset", ORDERS)
 def test_poles_are_those_of_the_named_modes(preset):
     p = plant(preset)
-    values = p.values()
+    values = p.values
     modes = [
         (2 * np.pi * values[f"{FAMILIES[s]}_{i}_frequency"], values[f"{FAMILIES[s]}_{i}_damping"])
         for s in FAMILIES
@@ -98,7 +98,7 @@ def test_poles_are_those_of_the_named_modes(preset):
 
 
 def test_it_answers_as_the_differential_equations_do():
-    p, v = plant("flap"), plant("flap").values()
+    p, v = plant("flap"), plant("flap").values
     u = steps("flap", 0.1, 100)
     recording = p.run(u, noise=False)
     omega, zeta, force = (

@@ -9,7 +9,7 @@ from scipy.special import hankel2
 from excite.errors import ExciteError
 from excite.types.signal import Signal
 from plants.aeroelastic.goland import DT, PRESETS, Wing, flutter, goland, modes
-from plants.plant import load_plant
+from plants.registry import load_plant
 
 V = {name: parameter.value for name, parameter in PRESETS["goland"].items()}
 

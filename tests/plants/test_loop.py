@@ -8,10 +8,10 @@ from excite.errors import ExciteError, SimulationStopped
 from excite.models.state_space import StateSpaceModel
 from excite.types.channel import Channel
 from excite.types.signal import Signal
+from plants.arguments import Parameter
 from plants.linear.actuator import Backlash, Quantiser, RateLimit, Saturation, actuate
 from plants.linear.loop import Dynamics, Feedback, interconnect
 from plants.linear.plant import LinearPlant
-from plants.plant import Parameter
 
 DT = 0.1
 

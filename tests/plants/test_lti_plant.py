@@ -11,7 +11,7 @@ from excite.errors import ExciteError
 from excite.files import load_recording, save_recording
 from excite.types.signal import Signal
 from plants.linear.lti import lti
-from plants.plant import load_plant
+from plants.registry import load_plant
 from scenarios.cli.main import status
 
 A, B = [[0.9, 0.2], [-0.2, 0.9]], [[0.0, 1.0], [1.0, 0.5]]
@@ -194,7 +194,7 @@ def test_a_recording_rebuilds_its_truth_from_the_file(tmp_path, capsys):
     one, other = plant.truth(recording, "plant").model, lti().truth(loaded, "plant").model
     for key in ("A", "B", "C", "D", "K"):
         np.testing.assert_array_equal(getattr(one, key), getattr(other, key))
-    assert again.values() == plant.values()
+    assert again.values == plant.values
     model = tmp_path / "model.json"
     identify = ["identify", str(path), "--view", "plant", "--method", "ssarx", "--order", "2", "-o", str(model)]
     assert status(identify) == 0

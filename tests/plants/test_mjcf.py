@@ -12,7 +12,7 @@ from excite.types.signal import Signal
 from plants import conformance as checks
 from plants.mjcf import loading
 from plants.mjcf.plant import EXAMPLE
-from plants.plant import load_plant
+from plants.registry import load_plant
 
 OSCILLATOR = """
 <mujoco>

@@ -8,10 +8,10 @@ from quadrotor_flights import PLANT, noisy_flight, random_binary
 
 from excite.errors import DesignRefused, ExciteError, SimulationStopped
 from excite.types.signal import Signal
-from plants.plant import load_plant
 from plants.quadrotor.airframe import build_model
 from plants.quadrotor.parameters import hover_command
 from plants.quadrotor.plant import Quadrotor
+from plants.registry import load_plant
 
 # M1..M4: position signs (x, y) and sign of the reaction torque on the body, Crazyflie X layout
 LAYOUT = [(1, -1, -1), (-1, -1, 1), (-1, 1, -1), (1, 1, 1)]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from quadrotor_flights import PLANT, random_binary
+from quadrotor_flights import PLANT, linearisation_floor, random_binary
 
 from excite.errors import SimulationStopped
 from excite.types.signal import Signal
@@ -186,7 +186,7 @@ def test_the_flight_takes_off_hovers_and_plays(preset):
     references = recording.columns(("roll_ref", "pitch_ref", "yaw_rate_ref"))
     assert not references[:start].any()
     np.testing.assert_array_equal(references[start:], np.repeat(signal.u, 10, axis=0))
-    assert min(plant.floor(recording, "attitude").values()) > 90.0
+    assert min(linearisation_floor(plant, recording, "attitude").values()) > 90.0
 
 
 def test_the_ground_bears_the_vehicle_until_it_lifts():

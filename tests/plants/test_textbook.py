@@ -22,7 +22,7 @@ from plants.linear.textbook import (
     miller_51,
     two_mass_spring,
 )
-from plants.plant import load_plant, views_of
+from plants.registry import load_plant
 
 BURNT = 150  # samples after which what a case did before its record has died out: 0.81^150 = 1e-14
 
@@ -58,7 +58,7 @@ def test_miller_41_is_the_case(cases):
 
 def test_miller_41_has_the_printed_noise():
     """White: e of covariance 0.1 I on the states and w of variance 1; coloured: C_v (q - A_v)^-1 B_v e_v."""
-    A, C = np.array(miller_41().values()["A"]), np.array(miller_41().values()["C"])
+    A, C = np.array(miller_41().values["A"]), np.array(miller_41().values["C"])
     P = la.solve_discrete_lyapunov(A, 0.1 * np.eye(2))
     expected = [(C @ P @ C.T).item() + 1, *((C @ np.linalg.matrix_power(A, lag) @ P @ C.T).item() for lag in (1, 2, 3))]
     v = noise_of(miller_41(), 400_000).y[:, 0]
@@ -153,7 +153,7 @@ def test_the_transient_bias_of_the_etfe_falls_with_the_periods():
 
 def test_two_masses_move_as_mechanics_says():
     plant = two_mass_spring()
-    p, u = plant.values(), np.random.default_rng(0).choice([-1.0, 1.0], (30, 1))
+    p, u = plant.values, np.random.default_rng(0).choice([-1.0, 1.0], (30, 1))
 
     def rates(t, x):
         spring = p["stiffness"] * (x[0] - x[2]) + p["damping"] * (x[1] - x[3])
@@ -207,7 +207,7 @@ def test_the_truth_predicts_with_the_covariance_it_states(name):
     size = 1e-3 * np.array([high for _, high in next(iter(plant.injections.values())).limits])
     u = size * np.random.default_rng(0).choice([-1.0, 1.0], (20_000, len(size)))
     recording = plant.run(Signal(u, plant.dt), seed=5)
-    for view in views_of(plant):
+    for view in plant.views:
         if view not in recording.views:
             continue
         data, model = recording.experiment(view), plant.truth(recording, view).model

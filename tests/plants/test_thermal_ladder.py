@@ -8,7 +8,7 @@ import pytest
 from excite.errors import DesignRefused, ExciteError
 from excite.files import load_recording, save_recording
 from excite.types.signal import Signal
-from plants.plant import load_plant
+from plants.registry import load_plant
 from plants.thermal.ladder import PRESETS, thermal_ladder
 from scenarios.run.design import make_design
 from scenarios.scenario.spec import LIBRARY, check_scenario

@@ -9,7 +9,7 @@ from excite.errors import ExciteError
 from excite.generators import prbs
 from excite.types.origin import Origin
 from plants.describe import describe_plant
-from plants.plant import load_plant, views_of
+from plants.registry import load_plant
 from plants.truth_of import truth_of
 
 
@@ -42,7 +42,7 @@ def test_a_recording_without_a_plant_has_none(record):
 def test_a_description_holds_every_place_view_and_number():
     plant = load_plant("goland")
     described = describe_plant(plant)
-    assert set(described["injections"]) == set(plant.injections) and set(described["views"]) == set(views_of(plant))
+    assert set(described["injections"]) == set(plant.injections) and set(described["views"]) == set(plant.views)
     view = described["views"]["plant"]
     np.testing.assert_array_equal(view["poles"], plant.truth(None, "plant").poles)
     assert view["closed"] is False and view["dt"] == plant.dt and described["parameters"]["speed"]["unit"] == "m/s"

@@ -10,10 +10,12 @@ import sys
 import time
 import tomllib
 from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
 import tomli_w
+from scenarios.run.pipeline import run_scenario, to_json
 
 from excite.errors import ExciteError, SimulationStopped
 from excite.files import load_recording, load_signal
@@ -21,7 +23,6 @@ from identify.estimate_json import load_estimate
 from identify.subspace.ssarx import Ssarx
 from plants.quadrotor.plant import Quadrotor
 from scenarios.cli.main import status
-from scenarios.run.pipeline import run_scenario, to_json
 from scenarios.run.store import open_folder
 from scenarios.scenario.spec import check_scenario, load_scenario, shipped
 
@@ -378,7 +379,9 @@ def test_the_folder_is_whole(finished):
     single |= {"validation_00.csv", "validation_00.csv.json"}
     assert names - figures == recordings | models | single
     assert {"figures/excitation.svg", "figures/attitude-poles.svg", "figures/attitude-bode.svg"} <= figures
-    assert all((folder / name).read_text().startswith("<svg") for name in figures)
+    starts = {".svg": "<svg", ".json": "{", ".csv": "panel,"}
+    assert all((folder / name).read_text().startswith(starts[Path(name).suffix]) for name in figures)
+    assert {Path(name).stem for name in figures if name.endswith(".svg")} == {Path(name).stem for name in figures}
     assert "<script" not in (folder / "report.html").read_text()
 
 
