@@ -19,7 +19,7 @@ from identify.metrics.fits import floor_metric
 from identify.metrics.frequency import band_of
 from identify.metrics.ranking import ranking_value
 from identify.registry import METHODS, load_method
-from identify.score import Score, absent, case_of, mean_score, score_in
+from identify.score import UNCLIPPED, Score, absent, case_of, mean_score, score_in
 
 STATISTICS = ("median", "q25", "q75", "min", "max", "mean")
 RANK_BY = ("fit_simulation",)
@@ -300,7 +300,7 @@ def compared(
         name=name,
         dt=judge.truth.model.dt if first is None and judge.truth is not None else first and first.dt,
         closed=closed,
-        rows=tuple(sorted(rows, key=lambda row: row.rank_value)),
+        rows=tuple(sorted(rows, key=lambda row: (row.rank_value, _unclipped(row, rank_by[0])))),
         validation=first,
         rank_by=tuple(rank_by),
         truth=judge.truth,
@@ -309,6 +309,12 @@ def compared(
         band_hz=judge.band_hz,
         horizons=judge.horizons,
     )
+
+
+def _unclipped(row: Row, metric: str) -> float:
+    """Return what orders rows of equal value: the fit below 0 that is clipped in tables."""
+    median = row.statistics(metric + UNCLIPPED)["median"]
+    return 0.0 if np.isnan(median) else -median
 
 
 def _row(trials: tuple[Trial, ...], rank_by: tuple[str, ...], consistent: Mapping[str, bool]) -> Row:

@@ -12,7 +12,7 @@ from excite.types.truth import Truth
 from identify.data.gaps import gap_free
 from identify.estimate import Estimate
 from identify.metrics.judgement import Case, Judgement
-from identify.metrics.metric import Metric, NotApplicable
+from identify.metrics.metric import Metric, NotApplicable, Value
 from identify.metrics.registry import metrics_at
 from identify.steps.initial_state import initial_state
 
@@ -100,21 +100,31 @@ def score_in(case: Case, estimate: Estimate | Model) -> Score:
         gap_free((case.validation,), 1)  # refuses a record without a complete sample
     if case.truth is not None:
         _check_same_truth(model, case.truth.model)
-    judgement, values, per_output, reasons = Judgement(model, case), {}, {}, {}
+    judgement = Judgement(model, case)
+    values: dict[str, float] = {}
+    per_output: dict[str, tuple[float, ...]] = {}
+    reasons: dict[str, str] = {}
     for metric in metrics_at(case.horizons):
+        found: Value = ()
         try:
             found = metric.measure(judgement)
         except NotApplicable as error:
             reasons[metric.name], found = str(error), error.per_output
         except ExciteError as error:
-            reasons[metric.name], found = str(error), ()
+            reasons[metric.name] = str(error)
         except Exception as error:  # a metric, perhaps of another package, that fails takes nothing else with it
-            reasons[metric.name], found = f"{type(error).__name__}: {error}", ()
+            reasons[metric.name] = f"{type(error).__name__}: {error}"
         _enter(metric, found, values, per_output, reasons)
     return Score(values, per_output, None, reasons)
 
 
-def _enter(metric: Metric, found: float | Sequence[float], values: dict, per_output: dict, reasons: dict) -> None:
+def _enter(
+    metric: Metric,
+    found: Value,
+    values: dict[str, float],
+    per_output: dict[str, tuple[float, ...]],
+    reasons: dict[str, str],
+) -> None:
     """Put what a metric found under its name: clipped, and as it is under `…_unclipped`."""
     raw = np.asarray(found, float)
     versions = {metric.name: raw if metric.lowest is None else np.maximum(raw, metric.lowest)}
@@ -158,6 +168,14 @@ def absent(scores: Sequence[Score]) -> dict[str, str]:
         name: found[0] if len(found) == count else f"in {len(found)} of {count} runs: {found[0]}"
         for name, found in reasons.items()
     }
+
+
+def by_reason(reasons: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return reason -> the metrics that have no value for it."""
+    groups: dict[str, list[str]] = {}
+    for name, reason in reasons.items():
+        groups.setdefault(reason, []).append(name)
+    return groups
 
 
 def predictions(model: Dynamic, experiment: Experiment, horizons: Sequence[int] = ()) -> dict[str, np.ndarray]:

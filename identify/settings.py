@@ -8,12 +8,14 @@ from identify.method import Method
 from identify.registry import load_method, method_class, settings_for
 
 
-def load_methods(names: Iterable[str], settings: Mapping[str, Any] | None = None) -> dict[str, Method]:
-    """Return methods by name, each with those of the settings that it has.
+def load_methods(
+    chosen: Iterable[str | tuple[str, Mapping[str, Any]]], settings: Mapping[str, Any] | None = None
+) -> list[Method]:
+    """Return methods, each with its own settings and with those of the common ones that it has.
 
     Parameters
     ----------
-    names : of methods.
+    chosen : names of methods, or pairs of a name and settings of its own. A method may stand there more than once.
     settings : setting -> value; every one must be a setting of at least one of the methods.
 
     Raises
@@ -22,14 +24,15 @@ def load_methods(names: Iterable[str], settings: Mapping[str, Any] | None = None
 
     Examples
     --------
-    >>> load_methods(["arx", "po_moesp"], {"block_rows": 10})["po_moesp"].block_rows
-    10
+    >>> [method.past for method in load_methods(["ssarx", ("ssarx", {"past": 30})], {"past": 10})]
+    [10, 30]
     """
-    names, settings = list(names), dict(settings or {})
+    pairs = [(each, {}) if isinstance(each, str) else each for each in chosen]
+    names, settings = [name for name, _ in pairs], dict(settings or {})
     known = {setting for name in names for setting in method_class(name).setting_names()}
     for key in settings:
         if key not in known:
             raise ExciteError(
                 f"setting '{key}': none of {', '.join(names)} has this setting; {did_you_mean(key, known)}"
             )
-    return {name: load_method(name, **settings_for(name, settings)) for name in names}
+    return [load_method(name, **{**settings_for(name, settings), **own}) for name, own in pairs]

@@ -1,4 +1,4 @@
-"""Simulated plants with honest noise and a known truth. `from plants import list_plants, load_plant`."""
+"""Simulated plants, their noise and their truth. `from plants import list_plants, load_plant`."""
 
 from typing import TYPE_CHECKING
 

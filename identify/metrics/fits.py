@@ -46,23 +46,22 @@ def ratio(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
 def varying(values: np.ndarray, outputs: Sequence[Channel]) -> np.ndarray:
     """Return the values (ny,) per output; raises NotApplicable where some are NaN because the output is constant."""
     if np.isnan(values).any():
-        names = listed([f"'{c.name}'" for c, value in zip(outputs, values, strict=True) if np.isnan(value)])
-        raise NotApplicable(f"constant on this record: {names}", values)
+        names = [f"'{c.name}'" for c, value in zip(outputs, values, strict=True) if np.isnan(value)]
+        raise NotApplicable(f"{listed(names)} {'is' if len(names) == 1 else 'are'} constant on this record", values)
     return values
 
 
 def _fit(yhat: str) -> Callable[[Judgement], np.ndarray]:
     def compute(judgement: Judgement) -> np.ndarray:
         fits = fit_percent(judgement.y, judgement.predicted[yhat])
-        return varying(fits, judgement.model.outputs)
+        return varying(fits, judgement.record.outputs)
 
     return compute
 
 
 def _clean_fit(judgement: Judgement, horizon: int | None) -> np.ndarray:
-    clean = judgement.case.clean
     yhat = judgement.predicted_clean["simulation" if horizon is None else f"{horizon}_step"]
-    return varying(fit_percent(clean.y, yhat), judgement.model.outputs)
+    return varying(fit_percent(judgement.clean.y, yhat), judgement.clean.outputs)
 
 
 def floor_horizon(truth: Truth, horizons: Sequence[int]) -> int | None:
@@ -71,7 +70,7 @@ def floor_horizon(truth: Truth, horizons: Sequence[int]) -> int | None:
     It is simulation where the truth forgets its past, and the longest prediction horizon where it integrates: a
     simulation of integrators over minutes judges luck.
     """
-    forgets = np.abs(truth.poles).max(initial=0) < 1 - INTEGRATES
+    forgets = np.abs(np.asarray(truth.poles)).max(initial=0) < 1 - INTEGRATES
     return None if forgets or not horizons or not predicts(truth.model) else max(horizons)
 
 
@@ -82,11 +81,10 @@ def floor_metric(truth: Truth, horizons: Sequence[int] = ()) -> str:
 
 
 def _below_floor(judgement: Judgement) -> float:
-    case = judgement.case
-    horizon = floor_horizon(case.truth, case.horizons)
+    horizon = floor_horizon(judgement.truth, judgement.case.horizons)
     if horizon is not None and (reason := Need.PREDICTION.missing(judgement)):
         raise NotApplicable(reason)
-    floor, own = (np.maximum(_clean_fit(each, horizon), 0).mean() for each in (case.true, judgement))
+    floor, own = (np.maximum(_clean_fit(each, horizon), 0).mean() for each in (judgement.case.true, judgement))
     return float(floor - own)
 
 
@@ -94,12 +92,12 @@ _DATA = frozenset({Need.RECORD, Need.SIMULATION})
 _TWIN = frozenset({Need.CLEAN, Need.SIMULATION})
 _PREDICTION = frozenset({Need.PREDICTION})
 _PERCENT: Mapping[str, Any] = {"unit": "%", "decimals": 2, "smaller_is_better": False, "best": 100.0, "lowest": 0.0}
-_AHEAD = {
+_AHEAD: Mapping[str, Any] = {
     "tells": "Prediction from the outputs measured up to that horizon.",
     "cannot_tell": "Whether the dynamics are right: with fast sampling the next output is nearly the last, and a poor "
     "model fits.",
 }
-_NOISE_FREE = {
+_NOISE_FREE: Mapping[str, Any] = {
     "tells": "The same on the noise-free twin of that run, and how far it stays below the fit of the linearised truth "
     "itself (the linearisation floor): by simulation, or at the longest horizon where the truth integrates.",
     "cannot_tell": "How the model does at other amplitudes: the floor belongs to this run. Below zero means that the "

@@ -61,25 +61,28 @@ def default_band(poles: np.ndarray, dt: float) -> tuple[float, float]:
 
 def band_of(case: Case) -> tuple[float, float]:
     """Return the band (Hz) of a case: the one given, else that of the truth's poles or of its measured response."""
-    true = case.truth.model
     if case.band_hz is not None:
         return case.band_hz
-    if not isinstance(true, Dynamic):
-        return _known(true)
-    return default_band(case.truth.poles, true.dt)
+    true, dt = case.true, case.true.model.dt
+    if not isinstance(true.model, Dynamic) or dt is None:
+        low, high = _known(true.model)
+        if not np.isfinite(high):
+            raise NotApplicable("no sampled poles of the truth choose a band; give band_hz")
+        return low, high
+    return default_band(np.asarray(true.truth.poles), dt)
 
 
 def _true_response(case: Case) -> tuple[np.ndarray, np.ndarray]:
     f = np.geomspace(*band_of(case), POINTS)
-    low, high = _known(case.truth.model)
+    low, high = _known(case.true.model)
     f = f[(f >= low) & (f <= high)]
-    return f, case.truth.model.frf(f)
+    return f, case.true.model.frf(f)
 
 
 def _known(model: Model) -> tuple[float, float]:
-    """Return the lowest and highest frequency (Hz) at which a response is known."""
+    """Return the lowest frequency above 0 and the highest one (Hz) at which a response is known."""
     f = getattr(model, "f_hz", None)  # of a measured response; a model of any other kind knows it everywhere
-    return (0.0, np.inf) if f is None else (float(np.min(f[f > 0])), float(np.max(f)))
+    return (0.0, np.inf) if f is None else (float(np.min(f[f > 0], initial=np.max(f))), float(np.max(f)))
 
 
 def _errors(judgement: Judgement) -> tuple[float, float]:

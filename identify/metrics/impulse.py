@@ -33,7 +33,7 @@ def impulse_error(model: Dynamic, truth: Dynamic, count: int = COUNT) -> float:
 def _compute(judgement: Judgement) -> float:
     if judgement.model.dt is None:
         raise NotApplicable("the model is in continuous time, the truth's impulse response is sampled")
-    return impulse_error(judgement.model, judgement.case.truth.model)
+    return impulse_error(judgement.dynamic, judgement.truth.model)
 
 
 IMPULSE_ERROR = Metric(

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from identify.data.gaps import gap_free
 
 PART = 10  # samples per state in a gap-free part: in a shorter one the initial state alone explains too much
 
-Predict = Callable[[Model, Experiment, Sequence[int]], Mapping[str, np.ndarray]]
+Predict = Callable[[Any, Experiment, Sequence[int]], Mapping[str, np.ndarray]]
 Derived = TypeVar("Derived")
 
 
@@ -23,7 +23,7 @@ class Deriving:
     """An object that keeps what is derived from it, so that metrics share what costs time."""
 
     @cached_property
-    def _derived(self) -> dict[Callable, object]:
+    def _derived(self) -> dict[Callable[..., Any], Any]:
         return {}
 
     def once(self, derive: Callable[[Self], Derived]) -> Derived:
@@ -68,21 +68,45 @@ class Case(Deriving):
     @cached_property
     def true(self) -> "Judgement":
         """The truth itself, judged as a model."""
-        return Judgement(self.truth.model, self)
+        return Judgement(cast(Truth, self.truth).model, self)
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement(Deriving):
-    """One model in one case."""
+    """One model in one case.
+
+    `dynamic`, `record`, `clean` and `truth` are for metrics that need them: there they are what they say.
+    """
 
     model: Model
     case: Case
 
+    @property
+    def dynamic(self) -> Dynamic:
+        """The model, which is more than a frequency response."""
+        return cast(Dynamic, self.model)
+
+    @property
+    def record(self) -> Experiment:
+        """The validation record."""
+        return cast(Experiment, self.case.validation)
+
+    @property
+    def clean(self) -> Experiment:
+        """Its noise-free twin."""
+        return cast(Experiment, self.case.clean)
+
+    @property
+    def truth(self) -> Truth:
+        """The truth."""
+        return cast(Truth, self.case.truth)
+
     @cached_property
     def parts(self) -> tuple[Experiment, ...]:
         """Gap-free parts of the validation record, of at least PART samples per state (or the longest)."""
-        record = self.case.validation
-        return (record,) if record.incomplete is None else gap_free((record,), PART * len(self.model.poles())).parts
+        if self.record.incomplete is None:
+            return (self.record,)
+        return gap_free((self.record,), PART * len(self.dynamic.poles())).parts
 
     @cached_property
     def y(self) -> np.ndarray:
@@ -102,14 +126,9 @@ class Judgement(Deriving):
     def predicted_clean(self) -> Mapping[str, np.ndarray]:
         """The same for the noise-free twin, by simulation and at the longest horizon."""
         horizons = self.case.horizons
-        return self.case.predict(self.model, self.case.clean, [max(horizons)] if horizons else [])
+        return self.case.predict(self.model, self.clean, [max(horizons)] if horizons else [])
 
 
 def predicts(model: Model) -> bool:
     """Whether a model can predict: whether it has a noise part."""
     return isinstance(model, Predictor) and not (isinstance(model, StateSpaceModel) and model.K is None)
-
-
-def simulates(model: Model) -> bool:
-    """Whether a model can be simulated."""
-    return isinstance(model, Dynamic)

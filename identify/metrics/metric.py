@@ -4,11 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
 from excite.errors import ExciteError
-from excite.models.model import Dynamic
+from excite.models.model import Dynamic, Model
 from identify.metrics.judgement import Judgement, predicts
 
 FAMILY = "<h>"  # stands for the horizon in the name of a family of metrics
+Value = float | Sequence[float] | np.ndarray  # one number, or one per output (ny,)
 AHEAD = "{ahead}"  # stands for the horizon as time in a header
 
 
@@ -18,9 +21,9 @@ class NotApplicable(ExciteError):
     per_output : the values of the single outputs, where some of them have one.
     """
 
-    def __init__(self, reason: str, per_output: Sequence[float] = ()) -> None:
+    def __init__(self, reason: str, per_output: Sequence[float] | np.ndarray = ()) -> None:
         super().__init__(reason)
-        self.per_output = tuple(per_output)
+        self.per_output = np.asarray(per_output, float)
 
 
 class Need(Enum):
@@ -40,8 +43,7 @@ class Need(Enum):
         """Return why a judgement does not have it, or None."""
         model, case = judgement.model, judgement.case
         if self in ABILITIES:
-            kind = type(model).__name__
-            return None if isinstance(model, Dynamic) else f"a {kind} {ABILITIES[self]}"
+            return None if isinstance(model, Dynamic) else f"{_kind(model)} {ABILITIES[self]}"
         if self is Need.PREDICTION:
             return None if predicts(model) else "the model has no noise part"
         if self is Need.RECORD:
@@ -53,8 +55,13 @@ class Need(Enum):
         if case.truth is None:
             return "no truth is known"
         if self is Need.TRUE_MODEL and not isinstance(case.truth.model, Dynamic):
-            return f"the truth is a {type(case.truth.model).__name__} alone"
+            return f"the truth is {_kind(case.truth.model)} alone"
         return None
+
+
+def _kind(model: Model) -> str:
+    name = type(model).__name__
+    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
 
 
 # What is said of a model that is no Dynamic.
@@ -92,14 +99,14 @@ class Metric:
 
     Examples
     --------
-    >>> Metric("order", "number of poles", lambda judgement: len(judgement.model.poles()), "How large the model is.",
+    >>> Metric("order", "number of poles", lambda judgement: len(judgement.dynamic.poles()), "How large the model is.",
     ...     "Whether it is right.", header="order", unit="–", needs=frozenset({Need.POLES})).title()
     'order [–]'
     """
 
     name: str
     summary: str
-    compute: Callable[[Judgement], float | Sequence[float]]
+    compute: Callable[[Judgement], Value]
     tells: str
     cannot_tell: str
     header: str
@@ -133,7 +140,7 @@ class Metric:
             return f"{self.horizon} samples are no {which} that was asked for"
         return None
 
-    def measure(self, judgement: Judgement) -> float | Sequence[float]:
+    def measure(self, judgement: Judgement) -> Value:
         """Return what `compute` returns; raises NotApplicable with the reason where a need is missing."""
         if reason := self.not_applicable(judgement):
             raise NotApplicable(reason)

@@ -83,11 +83,11 @@ def pole_errors(true: np.ndarray, estimated: np.ndarray, dt: float) -> PoleError
 
 def matched(judgement: Judgement) -> PoleErrors:
     """Return the truth's poles matched with the model's, in the z-plane of whichever of the two is sampled."""
-    truth, model = judgement.case.truth, judgement.model
+    truth, model = judgement.truth, judgement.dynamic
     dt = truth.model.dt or model.dt
     if dt is None:
         raise NotApplicable("neither the model nor the truth is sampled")
-    return pole_errors(_sampled(truth.poles, truth.model, dt), _sampled(model.poles(), model, dt), dt)
+    return pole_errors(_sampled(np.asarray(truth.poles), truth.model, dt), _sampled(model.poles(), model, dt), dt)
 
 
 def _sampled(poles: np.ndarray, model: Model, dt: float) -> np.ndarray:

@@ -68,9 +68,9 @@ def load_metric(name: str) -> Metric:
     >>> load_metric("fit_5_step").title(dt=0.02)
     'fit 100 ms ahead [%]'
     """
-    family, found = STEPS.subn(FAMILY, name)
-    if found == 1 and family in METRICS:
-        return _made(METRICS[family], name, int(STEPS.search(name)[0]))
+    steps = STEPS.findall(name)
+    if len(steps) == 1 and (family := STEPS.sub(FAMILY, name)) in METRICS:
+        return _made(METRICS[family], name, int(steps[0]))
     return _made(METRICS[name], name, None)
 
 

@@ -30,7 +30,7 @@ def vaf_percent(y: np.ndarray, yhat: np.ndarray) -> np.ndarray:
 
 def _vaf(yhat: str) -> Callable[[Judgement], np.ndarray]:
     def compute(judgement: Judgement) -> np.ndarray:
-        return varying(vaf_percent(judgement.y, judgement.predicted[yhat]), judgement.model.outputs)
+        return varying(vaf_percent(judgement.y, judgement.predicted[yhat]), judgement.record.outputs)
 
     return compute
 

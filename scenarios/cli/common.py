@@ -1,5 +1,6 @@
 """Options that several commands share, and how their values are read."""
 
+import re
 import tomllib
 from typing import Any
 
@@ -60,6 +61,18 @@ def assignments(pairs: tuple[str, ...], option: str) -> dict[str, Any]:
             raise ExciteError(f"{option} {pair}: give key=value, for example block_rows=20")
         values[key.strip()] = toml_value(text.strip())
     return values
+
+
+def parse_methods(text: str) -> list[tuple[str, dict[str, Any]]]:
+    """Parse ssarx,iem or ssarx(past=30, future=20),ssarx: names, with settings of their own in brackets."""
+    methods = []
+    for part in re.split(r",(?![^(\[{]*[)\]}])", text):
+        match = re.fullmatch(r"\s*(\w+)\s*(?:\((.*)\))?\s*", part)
+        if match is None:
+            raise ExciteError(f"--methods {text}: '{part}'; give names, or names with settings as ssarx(past=30)")
+        own = re.split(r",(?![^\[{\"]*[\]}\"])", match[2]) if match[2] else []
+        methods.append((match[1], assignments(tuple(pair.strip() for pair in own), "--methods")))
+    return methods
 
 
 def parse_orders(text: str) -> list[int]:

@@ -1,19 +1,26 @@
 """excite compare."""
 
-import click
-import numpy as np
+from typing import TYPE_CHECKING
 
-from excite.errors import ExciteError, placed
-from scenarios.cli.common import assignments, json_option, parse_orders
-from scenarios.cli.output import ProgressLine, grouped, new_folder, print_json, print_lines
+import click
+
+from excite.errors import ExciteError
+from scenarios.cli.common import assignments, json_option, parse_methods, parse_orders
+from scenarios.cli.output import ProgressLine, new_folder, print_json, print_lines
 from scenarios.cli.reading import data_options, read_experiment
 
-RANK_BY = "fit_simulation"
+if TYPE_CHECKING:
+    from identify.compare import Comparison
 
 
 @click.command()
 @click.argument("file", nargs=-1, required=True, type=click.Path())
-@click.option("--methods", required=True, metavar="A,B,…", help="Methods to compare.")
+@click.option(
+    "--methods",
+    required=True,
+    metavar="A,B,…",
+    help="Methods to compare; with settings of their own as ssarx(past=30).",
+)
 @click.option("--orders", default="2:6", show_default=True, metavar="2:10", help="Orders: 4, or 2,4,8, or 2:10.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Setting of every method that has it.")
 @click.option(
@@ -32,15 +39,16 @@ def compare(
     as_json: bool,
     **reading: object,
 ) -> int:
-    """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
-    from identify.estimate_json import estimate_to_dict
-    from identify.fit import fit
-    from identify.score import UNCLIPPED, score
+    """Fit several methods and orders to the data in FILEs and rank them by fit on validation data.
+
+    Finished fits are kept in the folder: the same command goes on where it was interrupted.
+    """
+    from identify.compare import entries
     from identify.settings import load_methods
-    from scenarios.run.store import write_json
+    from scenarios.run.comparing import compare_in_folder
 
     wanted = parse_orders(orders)
-    chosen = load_methods([m.strip() for m in methods.split(",")], assignments(settings, "--set"))
+    chosen = entries(load_methods(parse_methods(methods), assignments(settings, "--set")), wanted)
     target = new_folder(folder)
     data = [read_experiment(path, **reading) for path in file]
     if validation is not None:
@@ -50,50 +58,44 @@ def compare(
     else:
         cut = 2 * len(data[-1]) // 3
         label, data[-1], judged = f"last third of {file[-1]}", data[-1].window(0, cut), data[-1].window(cut)
-    progress, rows, shared, models = ProgressLine(), [], {}, {}
-    pairs = [(name, n) for name in chosen for n in wanted]
-    for i, (name, n) in enumerate(pairs):
-        method = chosen[name]
-        row = {"method": name, "order": n, "values": {}, "reason": None, "reasons": {}}
-        try:
-            with placed(", ".join(file)):
-                estimate = fit(tuple(data), method, n, shared=shared)
-            with placed(label):
-                result = score(estimate, judged)
-            row["values"], row["reasons"] = result.values, result.reasons
-            models[f"{name}-n{n}.json"] = estimate_to_dict(estimate, result.per_output)
-        except ExciteError as error:
-            row["reason"] = str(error)
-        rows.append(row)
-        progress("identifying", i + 1, len(pairs))
-    rows.sort(key=lambda row: -row["values"].get(f"{RANK_BY}{UNCLIPPED}", -np.inf))
-    report = {"schema_version": 1, "validation": label, "rank_by": RANK_BY, "rows": rows}
-    for name, model in models.items():
-        write_json(target / name, model)
-    write_json(target / "comparison.json", report)
+    line = ProgressLine()
+    try:
+        found, report = compare_in_folder(
+            target, chosen, data, judged, place=label, progress=lambda done, total: line("identifying", done, total)
+        )
+    except KeyboardInterrupt:
+        click.echo(f"\n{target}: finished fits are kept; the same command goes on from there", err=True)
+        raise
     if as_json:
         print_json(report)
     else:
-        print_lines([f"validation: {label}", *_table(rows)])
-    return 0 if models else 2
+        old = [f"old: not asked for this time: {', '.join(report['old'])}"] if report["old"] else []
+        print_lines([f"validation: {label}", *_table(found), *old])
+    for row in found.rows:
+        for failure in row.failures:
+            if failure.traceback:
+                reason = f"{failure.reason} (the traceback is in {target / 'comparison.json'})"
+                click.echo(f"warning: {row.title}: {reason}", err=True)
+    return 2 if found.failed else 0
 
 
-def _table(rows: list[dict]) -> list[str]:
+def _table(found: "Comparison") -> list[str]:
     """Return the table of all metrics with a value in some row; below it, why the others have none."""
     from excite.words import NONE, number
     from identify.metrics.registry import metrics_at
+    from identify.score import by_reason
     from scenarios.report.tables import to_text
 
-    good = [row for row in rows if row["reason"] is None]
-    shown = [metric for metric in metrics_at(()) if any(metric.name in row["values"] for row in good)]
+    good = [row for row in found.rows if row.estimates]
+    shown = [metric for metric in metrics_at(()) if any(metric.name in row.summary for row in good)]
     text, notes = [], []
     for i, row in enumerate(good):
-        values = [row["values"].get(metric.name, np.nan) for metric in shown]
+        values = [row.statistics(metric.name)["median"] for metric in shown]
         cells = [number(metric.scale * value, metric.decimals) for metric, value in zip(shown, values, strict=True)]
-        rank = str(i + 1) if RANK_BY in row["values"] else NONE
-        text.append([rank, row["method"], str(row["order"]), *cells])
-        lacking = {metric.name: row["reasons"][metric.name] for metric in shown if metric.name not in row["values"]}
-        notes += [f"{row['method']} n={row['order']}: no {', '.join(names)}: {why}" for why, names in grouped(lacking)]
-    failed = [f"{row['method']} n={row['order']} failed: {row['reason']}" for row in rows if row["reason"] is not None]
+        rank = NONE if row.reason is not None else str(i + 1)
+        text.append([rank, row.label, NONE if row.order is None else str(row.order), *cells])
+        lacking = {metric.name: row.reasons[metric.name] for metric in shown if metric.name not in row.summary}
+        notes += [f"{row.title}: no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
+    failed = [f"{row.title} failed: {row.reason}" for row in found.rows if not row.estimates]
     headers = ["rank", "method", "order", *(f"{metric.name} {metric.unit}" for metric in shown)]
     return [*to_text(headers, text).splitlines(), *notes, *failed]

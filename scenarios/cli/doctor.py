@@ -21,8 +21,9 @@ REGISTRIES = (
     "plants.registry:PLANTS",
     "identify.registry:METHODS",
     "identify.orders.rules:ORDER_RULES",
-    "identify.metrics.registry:METRICS",
+    "identify.steps.regions:REGIONS",
     "identify.figures.registry:FIGURES",
+    "identify.metrics.registry:METRICS",
 )
 
 Finding = tuple[bool, str]  # whether it is as it should be, and what to say

@@ -9,7 +9,7 @@ from excite.errors import ExciteError, placed
 from identify.orders.criteria import Criteria
 from identify.orders.table import OrderTable
 from scenarios.cli.common import assignments, json_option, parse_orders
-from scenarios.cli.output import new_file, print_json, print_lines
+from scenarios.cli.output import new_file, print_json, print_lines, save_plot
 from scenarios.cli.reading import data_options, read_experiment
 
 CRITERION_KEYS = [field.name for field in fields(Criteria)]
@@ -49,10 +49,9 @@ def orders(
     if not table.chosen:
         raise ExciteError(f"{', '.join(file)}: no order of {wanted} could be fitted: {table.rows[0].reason}")
     if plot is not None:
-        from excite.figures.save import save_figure
         from identify.figures.orders import order_figure
 
-        save_figure(order_figure(method, table), plot)
+        save_plot(order_figure(method, table), plot)
     if as_json:
         print_json(_to_dict(method, table))
     else:

@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,17 +13,10 @@ from excite.errors import ExciteError
 from excite.plain import plain
 
 if TYPE_CHECKING:
+    from excite.figures.figure import Figure
     from excite.limits.limits import Limits
     from excite.limits.played import Played
     from excite.types.signal import Signal
-
-
-def grouped(reasons: Mapping[str, str]) -> list[tuple[str, list[str]]]:
-    """Return (reason, names) of metrics without a value, each reason once."""
-    groups: dict[str, list[str]] = {}
-    for name, reason in reasons.items():
-        groups.setdefault(reason, []).append(name)
-    return list(groups.items())
 
 
 def print_json(value: Any) -> None:
@@ -90,12 +83,18 @@ def new_folder(path: str) -> Path:
     return target
 
 
+def save_plot(figure: "Figure", path: str) -> None:
+    """Write a figure; the extension says how."""
+    from excite.figures.save import save_figure
+
+    save_figure(figure, path)
+
+
 def plot_later(path: str | None) -> Callable[["Signal", "Limits | None"], None]:
     """Check the path of a signal's figure now and return what draws it, so that a bad name costs no work."""
     if path is None:
         return lambda signal, limits: None
     new_file(path)
-    from excite.figures.save import save_figure
     from excite.figures.signal import signal_figure
 
-    return lambda signal, limits: save_figure(signal_figure(signal, limits), path)
+    return lambda signal, limits: save_plot(signal_figure(signal, limits), path)

@@ -11,7 +11,7 @@ from plants.describe import describe_plant
 from plants.plant import Plant
 from plants.registry import PLANTS, load_plant
 from scenarios.cli.common import assignments, json_option
-from scenarios.cli.output import print_json, print_lines
+from scenarios.cli.output import print_json, print_lines, save_plot
 
 
 @click.command()
@@ -31,10 +31,9 @@ def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], pl
     overrides = assignments(parameters, "--set")
     loaded = {key: load_plant(key, preset=preset, parameters=overrides) for key in ([name] if name else sorted(PLANTS))}
     if plot:
-        from excite.figures.save import save_figure
         from plants.figures.plant import plant_figure
 
-        save_figure(plant_figure(name, {key: loaded[name].truth(None, key) for key in loaded[name].views}), plot)
+        save_plot(plant_figure(name, {key: loaded[name].truth(None, key) for key in loaded[name].views}), plot)
     if as_json:
         print_json({"schema_version": 1, "plants": {key: _described(plant) for key, plant in loaded.items()}})
     elif name is None:

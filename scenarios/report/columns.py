@@ -12,7 +12,7 @@ def columns_of(found: Comparison, compact: bool = False) -> tuple[list[Metric], 
     compact : only those that fit a terminal, under short headers.
     """
     names = {name for row in found.rows for s in row.scores for name in s.values}
-    horizons = {metric.horizon for name in names if (metric := find_metric(name)) is not None} - {None}
+    horizons = {m.horizon for name in names if (m := find_metric(name)) is not None and m.horizon is not None}
     shown = [m for m in metrics_at(sorted(horizons)) if (m.compact if compact else m.column)]
     return shown, [m.short_title(found.dt) if compact else m.title(found.dt) for m in shown]
 

@@ -13,6 +13,7 @@ from identify.compare import Comparison, Row
 from identify.estimate import Status
 from identify.metrics.metric import Metric, Need
 from identify.metrics.poles import pole_errors
+from identify.score import by_reason
 from scenarios.report.columns import columns_of, complex_text
 from scenarios.report.rows import diverging, first_estimate, trusted
 from scenarios.run.results import RunResult
@@ -86,12 +87,16 @@ def note(found: Comparison, row: Row) -> str:
 
 def _without_value(found: Comparison, row: Row) -> list[str]:
     """Return which metrics that others have the row lacks, and why."""
-    reasons, lacking = row.reasons, {}
-    for metric in columns_of(found)[0]:
-        if np.isnan(row.statistics(metric.name)["median"]) and metric.name in reasons:
-            if any(np.isfinite(other.statistics(metric.name)["median"]) for other in found.rows):
-                lacking.setdefault(reasons[metric.name], []).append(metric.words(found.dt))
-    return [f"no {', '.join(names)}: {reason}" for reason, names in lacking.items()]
+    lacking = {
+        metric.words(found.dt): row.reasons[metric.name]
+        for metric in columns_of(found)[0]
+        if metric.name in row.reasons and not _has_value(row, metric) and any(_has_value(r, metric) for r in found.rows)
+    }
+    return [f"no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
+
+
+def _has_value(row: Row, metric: Metric) -> bool:
+    return bool(np.isfinite(row.statistics(metric.name)["median"]))
 
 
 def true_poles(found: Comparison) -> Table:

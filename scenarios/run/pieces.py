@@ -1,6 +1,6 @@
 """Pieces of a run: each says what it is made from (its key), and makes itself; none knows the scenario."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from identify.data.coherence import select_outputs
 from identify.data.records import Records
 from plants.plant import Plant
 from plants.registry import PLANTS, load_plant
-from scenarios.run.store import Shelf, Store
+from scenarios.run.store import Shelf, Store, file_safe
 
 FLYING, IDENTIFYING = ("excite", "plants"), ("excite", "identify")  # packages whose code makes a piece
 
@@ -161,16 +161,34 @@ class Identification:
         return Judge(validation, lifted, clean=clean, horizons=steps, band_hz=view.band_hz)
 
 
-def trial_names(entries: tuple[Entry, ...], base: str, stems: Mapping[str, str], place: str, run: int) -> Frozen:
-    """Return key -> name of the piece, for all trials of a view and run."""
+def trial_names(
+    entries: Sequence[Entry], base: str, stems: Mapping[str, str], place: str, run: int | None = None
+) -> Frozen:
+    """Return key -> name of the piece, for all trials on one set of records; run : its number, where there are several."""
+    end = ".json" if run is None else f"/run_{run:02d}.json"
     return Frozen(
         {
-            trial_key(base, entry.method, order): f"{place}/{stems[entry.label]}{_order(order)}/run_{run:02d}.json"
+            trial_key(base, entry.method, order): f"{place}/{stems[entry.label]}{order_suffix(order)}{end}"
             for entry in entries
             for order in entry.orders
         }
     )
 
 
-def _order(order: int | str | None) -> str:
+def order_suffix(order: int | str | None) -> str:
+    """Return what names say of an order: -n4, -nbic, nothing where there is none."""
     return "" if order is None else f"-n{order}"
+
+
+def stems_of(entries: Sequence[Entry]) -> dict[str, str]:
+    """Return a file-safe name for each label, distinct also where the file system ignores case."""
+    stems: dict[str, str] = {}
+    for entry in entries:
+        if entry.label in stems:
+            continue
+        base = name = file_safe(entry.label)
+        count = 2
+        while name.casefold() in [taken.casefold() for taken in stems.values()]:
+            name, count = f"{base}_{count}", count + 1
+        stems[entry.label] = name
+    return stems

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from excite.digest import code_digest, digest
 from excite.types.frozen import Frozen
 from excite.types.signal import Signal
-from identify.compare import Entry
 from scenarios.run.design import Design, built_entries, make_design
-from scenarios.run.pieces import FLYING, IDENTIFYING, Flight, Identification, PlantSpec, View, trial_names
-from scenarios.run.store import Store, file_safe
+from scenarios.run.pieces import FLYING, Flight, Identification, PlantSpec, View, stems_of, trial_names
+from scenarios.run.store import Store
 from scenarios.scenario.spec import Scenario, ViewSpec, check_signal
 
 VALIDATION_OFFSET = 10_000  # between the noise seeds of estimation and validation runs
@@ -121,26 +120,9 @@ def _identifications(
         tuple(_recording(kind, k) for k in range(scenario.validation_runs)) for kind in ("validation", "clean")
     )
     judged = [keys[name] for name in (*validation, *clean)]
-    first, stems = _recording("estimation", 0), _stems(entries)
+    first, stems = _recording("estimation", 0), stems_of(entries)
     for k in range(scenario.estimation_runs):
         estimation = _recording("estimation", k)
         base = digest(view, plant.key, keys[estimation], keys[first], judged, code_digest(*FLYING))
         names = trial_names(entries, base, stems, f"models/{spec.name}", k)
         yield Identification(view, k, plant, estimation, first, validation, clean, entries, base, names)
-
-
-def _stems(entries: tuple[Entry, ...]) -> dict[str, str]:
-    """Return a file-safe name for each label, distinct also where the file system ignores case."""
-    stems: dict[str, str] = {}
-    for entry in entries:
-        if entry.label in stems:
-            continue
-        base = name = file_safe(entry.label)
-        count = 2
-        while name.casefold() in [taken.casefold() for taken in stems.values()]:
-            name, count = f"{base}_{count}", count + 1
-        stems[entry.label] = name
-    return stems
-
-
-__all__ = ["DESIGNING", "EXCITATION", "IDENTIFYING", "Plan", "make_plan", "signal_key"]

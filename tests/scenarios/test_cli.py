@@ -347,7 +347,10 @@ def test_json_stays_strict_where_a_number_is_missing(tmp_path):
     model = tmp_path / "m.json"
     assert excite(*identify(train, "--order", "2", "-o", model))[0] == 0
     code, out, _ = excite("score", model, flat, *ROLES, "--json")
-    assert code == 0 and strict(out)["values"]["fit_simulation"] is None  # the fit to a constant output has no meaning
+    found = strict(out)
+    assert code == 0 and "fit_simulation" not in found["values"]  # the fit to a constant output has no meaning
+    assert "is constant on this record" in found["reasons"]["fit_simulation"]
+    assert found["per_output"]["fit_simulation"] == [None]
 
 
 def test_several_files_give_one_estimate(tmp_path):

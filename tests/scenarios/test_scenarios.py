@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from scenarios.run.pipeline import run_scenario, to_json
 
 from excite.errors import ExciteError, SimulationStopped
 from excite.files import load_recording, load_signal
@@ -23,6 +22,8 @@ from identify.estimate_json import load_estimate
 from identify.subspace.ssarx import Ssarx
 from plants.quadrotor.plant import Quadrotor
 from scenarios.cli.main import status
+from scenarios.run.results import to_json
+from scenarios.run.run import run_scenario
 from scenarios.run.store import open_folder
 from scenarios.scenario.spec import check_scenario, load_scenario, shipped
 
