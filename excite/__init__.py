@@ -7,6 +7,9 @@ from excite.lazy import face
 if TYPE_CHECKING:
     from excite.files.load import load_experiment
     from excite.generators import multisine, multistep, noise, prbs, sweep
+    from excite.models.fir import FirModel
+    from excite.models.foster import FosterModel
+    from excite.models.frequency_response import FrequencyResponse
     from excite.models.polynomial import PolynomialModel
     from excite.models.state_space import StateSpaceModel
     from excite.persistency.certificate import Certificate, certify
@@ -22,6 +25,9 @@ __all__ = [
     "Certificate",
     "Channel",
     "Experiment",
+    "FirModel",
+    "FosterModel",
+    "FrequencyResponse",
     "Level",
     "Loop",
     "PolynomialModel",
@@ -44,6 +50,9 @@ __getattr__, __dir__ = face(
         "Certificate": "excite.persistency.certificate",
         "Channel": "excite.types.channel",
         "Experiment": "excite.types.experiment",
+        "FirModel": "excite.models.fir",
+        "FosterModel": "excite.models.foster",
+        "FrequencyResponse": "excite.models.frequency_response",
         "Level": "excite.types.level",
         "Loop": "excite.types.loop",
         "PolynomialModel": "excite.models.polynomial",

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from plants.plant import Plant, views_of
+from plants.plant import Plant
 
 
 def describe_plant(plant: Plant) -> dict[str, Any]:
@@ -13,7 +13,7 @@ def describe_plant(plant: Plant) -> dict[str, Any]:
     parameters and noise: name -> value, unit, source, allowed.
     """
     views = {}
-    for name, roles in views_of(plant).items():
+    for name, roles in plant.views.items():
         truth = plant.truth(None, name)
         views[name] = {
             "inputs": [str(c) for c in truth.model.inputs],

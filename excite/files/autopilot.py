@@ -20,13 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arguments import positive
 from excite.errors import ExciteError
 from excite.files.atomic import readable
 from excite.files.formats import Format
 from excite.files.native import damaged
 from excite.files.sidecar import read_sidecar, written_with_sidecar
 from excite.files.table import Table, header
-from excite.types.channel import Channel, positive
+from excite.types.channel import Channel
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 

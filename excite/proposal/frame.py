@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from excite.arguments import positive
 from excite.errors import DesignRefused
 from excite.proposal.knowledge import Knowledge
-from excite.types.channel import positive
 
 SAMPLES_PER_PERIOD = 10  # of the highest frequency of interest
 RELATIVE_ERROR = 0.1  # of the frequency response that the noise may leave

@@ -5,9 +5,9 @@ from math import sqrt
 
 import numpy as np
 
+from excite.arguments import positive
 from excite.errors import ExciteError
 from excite.models.state_space import StateSpaceModel
-from excite.types.channel import positive
 
 SPECTRUM_RANGE = 10.0  # largest over smallest line amplitude, 20 dB: no line starves for another
 

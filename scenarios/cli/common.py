@@ -18,7 +18,7 @@ plot_option = click.option(
     "--plot",
     type=click.Path(),
     metavar="FILE",
-    help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf).",
+    help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf, or its data: .json, .csv).",
 )
 
 

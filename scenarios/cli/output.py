@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.errors import ExciteError
+from excite.plain import plain
 
 if TYPE_CHECKING:
     from excite.figures.figure import Figure
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 def print_json(value: Any) -> None:
     """Print one strict JSON object on stdout."""
-    from excite.plain import plain  # here, because `excite doctor` must work where our identify is not found
-
     click.echo(json.dumps(plain(value), indent=1, allow_nan=False))
 
 

@@ -17,9 +17,11 @@ from paths import SHARED
 from scipy.io import loadmat
 
 from excite.files import load_recording, load_signal, save_experiment
+from excite.files.formats import FORMATS
 from excite.generators import GENERATORS
 from identify.data.records import Kind
 from identify.examples import example_of
+from identify.metrics.registry import METRICS
 from identify.registry import METHODS, load_method, method_class
 from plants.registry import PLANTS
 from scenarios.cli.main import COMMANDS, cli, status
@@ -138,6 +140,9 @@ def test_methods_explain_every_setting(name):
         (["design", "prsb"], "did you mean 'prbs'?"),
         (["plants", "quadroter"], "did you mean 'quadrotor'?"),
         (["methods", "po_mosp"], "did you mean 'po_moesp'?"),
+        (["metrics", "frf_error"], "did you mean 'frf_error_h2'?"),
+        (["formats", "hdf"], "did you mean 'hdf5'?"),
+        (["guide", "indx"], "did you mean 'index'?"),
         (["scenarios", "quadrotor_prb"], "did you mean 'quadrotor_prbs'?"),
         (["run", "quadrotor_prb"], "did you mean 'quadrotor_prbs'?"),
         (["simulate", "quadroter", "--input", "x.csv", "-o", "y.npz"], "did you mean 'quadrotor'?"),
@@ -621,7 +626,10 @@ def test_compare_that_cannot_work_leaves_no_folder(data, tmp_path):
 # What there is ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("command", "known"), [("plants", PLANTS), ("methods", METHODS), ("scenarios", shipped())])
+@pytest.mark.parametrize(
+    ("command", "known"),
+    [("plants", PLANTS), ("methods", METHODS), ("scenarios", shipped()), ("formats", FORMATS), ("metrics", METRICS)],
+)
 def test_catalogues(command, known):
     code, out, _ = excite(command)
     assert code == 0 and [line.split()[0] for line in out.splitlines()] == sorted(known)
@@ -634,14 +642,6 @@ def test_catalogues(command, known):
 
 def test_a_shipped_scenario_is_printed_as_a_starting_point():
     assert excite("scenarios", "quadrotor_prbs")[1] == shipped()["quadrotor_prbs"].read_text(encoding="utf-8")
-
-
-def test_doctor_finds_nothing_here_and_names_what_is_missing(monkeypatch):
-    code, out, _ = excite("doctor")
-    assert code == 0 and "all well" in out
-    monkeypatch.setattr("scenarios.cli.doctor.NEEDED", ("numpy", "no-such-distribution"))
-    code, out, _ = excite("doctor")
-    assert code == 2 and "pip install no-such-distribution" in out
 
 
 def test_the_installed_command_is_this_one():
