@@ -6,7 +6,7 @@ from random_models import polynomial
 
 from excite.models.polynomial import PolynomialModel
 from excite.types.experiment import Experiment
-from identify.method import fit
+from identify.fit import fit
 from identify.score import predictions
 
 pytestmark = pytest.mark.bench
