@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from identify.estimate_json import plain
+from excite.plain import plain
 from identify.score import Score
 
 

@@ -78,7 +78,7 @@ class FirModel(Parametric):
         u, before = np.asarray(u, float) - self.input_offset, len(self.h) - 1
         if x0 is None:
             return fir(self.h, u) + self.output_offset
-        past = finite(x0, (self.order,), "FirModel: x0").reshape(before, -1)[::-1]
+        past = finite(x0, (self.order,), "FirModel: x0").reshape(before, len(self.inputs))[::-1]
         return fir(self.h, np.concatenate([past, u]))[before:] + self.output_offset
 
     def to_state_space(self) -> StateSpaceModel:

@@ -7,7 +7,7 @@ again. Matrix products do all the work and no modal form is needed, so defective
 
 import numpy as np
 
-BLOCK = 32  # samples lifted at once: large enough for BLAS, small enough that the Toeplitz product stays cheap
+BLOCK = 16  # samples lifted at once: enough for BLAS, few enough that the Toeplitz product stays cheap
 LONG = 64  # taps beyond which a convolution by FFT costs less
 
 
@@ -112,7 +112,7 @@ def divide(a: np.ndarray, w: np.ndarray) -> np.ndarray:
     (lags, ny), N = (len(a) - 1, a.shape[1]), len(w)
     if lags == 0 or N == 0:
         return w.copy()
-    L = min(max(2 * BLOCK, lags), max(lags, N))
+    L = min(max(4 * BLOCK, lags), max(lags, N))
     g = _inverse(a, L)
     lag = np.arange(L)[:, None] - np.arange(L)[None, :]
     G = np.where((lag >= 0)[:, :, None, None], g[np.maximum(lag, 0)], 0.0).transpose(0, 2, 1, 3).reshape(L * ny, L * ny)

@@ -17,10 +17,10 @@ from excite.digest import file_digest
 from excite.errors import ExciteError
 from excite.files import load_recording, load_signal, save_recording, save_signal
 from excite.files.atomic import written
+from excite.plain import plain
 from excite.types.recording import Recording
 from excite.types.signal import Signal
 from identify.compare import Trial
-from identify.estimate_json import plain
 from identify.trial_json import trial_from_dict, trial_to_dict
 
 RESOLVED, LOCK, INDEX = "scenario.toml", ".lock", "index"

@@ -326,7 +326,7 @@ def test_identify_prints_one_strict_object(method, data):
         assert result["fit"]["one_step"][0] > 90
         if result["kind"] == "state_space":
             assert np.shape(result["innovation_cov"]) == (1, 1) and np.shape(result["K"]) == (3, 1)
-    assert set(result["poles"][0]) == {"re", "im", "f_hz", "zeta"}
+    assert set(result["poles"][0]) == {"re", "im", "f_hz", "zeta", "tau_s"}
 
 
 def test_identify_chooses_an_order_and_says_so(data):
