@@ -74,22 +74,22 @@ def load_experiment(
     >>> load_experiment("dryer.dat", inputs=0, outputs=1, dt=0.08, loop="open", level="unknown")
     """
     table = read_table(path)
-    loop = Loop(loop) if isinstance(loop, str) else loop
-    level = None if level is None else Level.of(level)
+    given_loop = Loop(loop) if isinstance(loop, str) else loop
+    given_level = None if level is None else Level.of(level)
     if table.meta.get("kind") == "recording" and all(v is None for v in (inputs, outputs, reference, dt, time)):
         recording = to_recording(table)
         with damaged(table.place):
             found = recording.experiment(view)
-        loop, level = _agreed(path, "loop", found.loop, loop), _agreed(path, "level", found.level, level)
-        return found if (loop, level) == (found.loop, found.level) else replace(found, loop=loop, level=level)
+        said = _agreed(path, "loop", found.loop, given_loop), _agreed(path, "level", found.level, given_level)
+        return found if said == (found.loop, found.level) else replace(found, loop=said[0], level=said[1])
     if view is not None:
         raise ExciteError(f"{path}: view '{view}' needs a recording, without roles or dt given; drop it")
     u, y, r = choose(table, "u", inputs), choose(table, "y", outputs), choose(table, "r", reference)
     outputs_alone = not u and (inputs is not None or marked(table, "y"))
     require(table, None if outputs_alone else u, y)
     time_s, dt = sampling(table, dt, time, u + y + r)
-    loop = _agreed(path, "loop", _stated(table, "loop", to_loop), loop)
-    level = _agreed(path, "level", _stated(table, "level", to_level), level)
+    agreed_loop = _agreed(path, "loop", _stated(table, "loop", to_loop), given_loop)
+    agreed_level = _agreed(path, "level", _stated(table, "level", to_level), given_level)
     with damaged(table.place):
         return Experiment(
             table.values[:, u],
@@ -101,8 +101,8 @@ def load_experiment(
             outputs=channels(table, y),
             references=channels(table, r) if r else None,
             period=table.meta.get("period"),
-            loop=loop or Loop("open"),
-            level=level or Level("zero"),
+            loop=agreed_loop or Loop("open"),
+            level=agreed_level or Level("zero"),
             name=table.meta.get("name") or Path(path).stem,
         )
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from excite.arguments import positive
 from excite.errors import ExciteError
+from excite.models.model import Dynamic, Model
 from excite.models.state_space import StateSpaceModel
 
 SPECTRUM_RANGE = 10.0  # largest over smallest line amplitude, 20 dB: no line starves for another
@@ -35,31 +36,37 @@ class Knowledge:
             raise ExciteError(f"Knowledge.noise: {self.noise!r}; give the rms of the output noise, at least 0")
 
 
-def knowledge_of(model: StateSpaceModel, limit: float) -> Knowledge:
+def knowledge_of(model: Model, limit: float) -> Knowledge:
     """Return what an identified model tells for the next experiment, for an input that may reach `limit`.
 
     bandwidth : where the response has fallen 20 dB below its largest, or a third above the fastest pole; settling : four
     time constants of the slowest pole (integrators aside); noise : rms of the one-step innovations' output noise;
-    spectrum : noise density over gain, within 20 dB.
+    spectrum : noise density over gain, within 20 dB. Raises ExciteError for a model that has no poles or no sampling time.
     """
-    s = np.log(np.where(np.abs(model.poles()) < 1e-12, 1e-12, model.poles()).astype(complex)) / model.dt
-    moving = s[np.abs(s) * model.dt > 1e-6]
+    if not isinstance(model, Dynamic) or model.dt is None:
+        raise ExciteError(
+            f"propose: a {type(model).__name__} does not tell what the next experiment needs; say what is known yourself, or "
+            "give a model with poles and a sampling time"
+        )
+    space: StateSpaceModel = model.to_state_space()
+    s = np.log(np.where(np.abs(space.poles()) < 1e-12, 1e-12, space.poles()).astype(complex)) / space.dt
+    moving = s[np.abs(s) * space.dt > 1e-6]
     if not len(moving):
         raise ExciteError(
             "propose: the model has only integrators, which have no bandwidth; say what is known yourself"
         )
-    nyquist = 0.5 / model.dt
+    nyquist = 0.5 / space.dt
     decay = np.min(np.maximum(np.abs(moving.real), 1e-9))
     settling = 4 / decay
     f = np.geomspace(min(1 / settling, nyquist / 20), 0.98 * nyquist, 400)
-    size = np.linalg.norm(model.frf(f), 2, axis=(1, 2))
+    size = np.linalg.norm(space.frf(f), 2, axis=(1, 2))
     above = f[size > size.max() / 10]
     bandwidth = float(min(max(above.max(), np.abs(moving).max() / (2 * np.pi) * 4 / 3), 0.8 * nyquist))
     noise, density = 0.0, np.ones_like(f)
-    if model.K is not None and model.innovation_cov is not None and np.any(model.innovation_cov):
-        shaping = StateSpaceModel(model.A, model.K, model.C, np.eye(len(model.C)), model.dt).frf(f)
-        density = np.sqrt(np.einsum("fab,bc,fac->f", shaping, model.innovation_cov, shaping.conj()).real)
-        noise = sqrt(float(np.trace(model.innovation_cov)))
+    if space.K is not None and space.innovation_cov is not None and np.any(space.innovation_cov):
+        shaping = StateSpaceModel(space.A, space.K, space.C, np.eye(len(space.C)), space.dt).frf(f)
+        density = np.sqrt(np.einsum("fab,bc,fac->f", shaping, space.innovation_cov, shaping.conj()).real)
+        noise = sqrt(float(np.trace(space.innovation_cov)))
     wanted = density / np.maximum(size, 1e-12 * size.max())
     inside = f <= bandwidth
     wanted = np.clip(wanted / wanted[inside].max(), 1 / SPECTRUM_RANGE, 1.0)

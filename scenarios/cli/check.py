@@ -52,7 +52,7 @@ def check(
     certificate = certify(signal, order or 20, noise_floor)
     result: dict[str, Any] = {"schema_version": 1, "file": file, **certificate.to_dict()}
     lines, enough = certificate_text(certificate), not order or certificate.reached
-    for method in judged.values():
+    for method in judged:
         found = verdict(signal, *_needs(method, model_order), noise_floor)
         result.setdefault("verdicts", []).append(asdict(found))
         lines.append(str(found))

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Sequence
 from typing import Any
 
 import click
@@ -80,7 +81,7 @@ def parse_orders(text: str) -> list[int]:
     try:
         if ":" in text:
             first, last = (int(part) for part in text.split(":"))
-            orders = range(first, last + 1)
+            orders: Sequence[int] = range(first, last + 1)
         else:
             orders = [int(part) for part in text.split(",")]
     except ValueError:

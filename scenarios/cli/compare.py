@@ -1,6 +1,6 @@
 """excite compare."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -37,7 +37,7 @@ def compare(
     validation: str | None,
     folder: str,
     as_json: bool,
-    **reading: object,
+    **reading: Any,
 ) -> int:
     """Fit several methods and orders to the data in FILEs and rank them by fit on validation data.
 

@@ -119,7 +119,9 @@ def propose(
     if model is not None:
         from identify.estimate_json import load_estimate
 
-        known = knowledge_of(load_estimate(model).model.to_state_space(), limit)
+        estimate = load_estimate(model)
+        with placed(model):
+            known = knowledge_of(estimate.model, limit)
     elif bandwidth_hz is None or settling_s is None:
         raise ExciteError("propose: give --bandwidth-hz and --settling-s, or --model from the last experiment")
     else:

@@ -1,6 +1,7 @@
 """excite identify."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -31,7 +32,7 @@ def identify(
     settings: tuple[str, ...],
     out: str | None,
     as_json: bool,
-    **reading: object,
+    **reading: Any,
 ) -> int:
     """Identify a model from one or several data FILEs (several: one estimate from all of them)."""
     from identify.estimate_json import estimate_to_dict

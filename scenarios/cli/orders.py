@@ -1,6 +1,7 @@
 """excite orders."""
 
 from dataclasses import asdict, fields
+from typing import Any
 
 import click
 import numpy as np
@@ -34,7 +35,7 @@ def orders(
     settings: tuple[str, ...],
     plot: str | None,
     as_json: bool,
-    **reading: object,
+    **reading: Any,
 ) -> int:
     """Say what speaks for each order: singular-value gap, information criteria, poles that stay from order to order."""
     from identify.orders.table import order_table

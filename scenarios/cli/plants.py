@@ -30,7 +30,7 @@ def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], pl
         )
     overrides = assignments(parameters, "--set")
     loaded = {key: load_plant(key, preset=preset, parameters=overrides) for key in ([name] if name else sorted(PLANTS))}
-    if plot:
+    if plot and name:
         from plants.figures.plant import plant_figure
 
         save_plot(plant_figure(name, {key: loaded[name].truth(None, key) for key in loaded[name].views}), plot)

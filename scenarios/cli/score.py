@@ -1,5 +1,7 @@
 """excite score."""
 
+from typing import Any
+
 import click
 
 from excite.errors import ExciteError, placed
@@ -22,7 +24,7 @@ from scenarios.cli.reading import data_options, read_experiment
 )
 @data_options
 @json_option
-def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -> int:
+def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> int:
     """Score MODEL (from `excite identify -o`) on the data in FILE."""
     from identify.estimate_json import load_estimate
     from identify.metrics.registry import find_metric
@@ -55,7 +57,7 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: object) -
     return 0
 
 
-def _truth(file: str, dt: float, reading: dict) -> Truth:
+def _truth(file: str, dt: float | None, reading: dict) -> Truth:
     """Return the truth of the view of a recording that was read, at its sampling time dt, s."""
     from plants.truth_of import truth_of
 

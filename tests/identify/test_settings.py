@@ -10,12 +10,12 @@ from identify.settings import load_methods
 
 def test_each_method_gets_the_settings_that_it_has():
     found = load_methods(["arx", "po_moesp", "ssarx"], {"block_rows": 10, "past": 30})
-    assert found == {
-        "arx": load_method("arx"),
-        "po_moesp": load_method("po_moesp", block_rows=10),
-        "ssarx": load_method("ssarx", past=30),
-    }
-    assert load_methods([]) == {}
+    assert found == [load_method("arx"), load_method("po_moesp", block_rows=10), load_method("ssarx", past=30)]
+    assert load_methods([("ssarx", {"past": 12}), "ssarx"], {"past": 30}) == [
+        load_method("ssarx", past=12),
+        load_method("ssarx", past=30),
+    ]
+    assert load_methods([]) == []
 
 
 @pytest.mark.parametrize(

@@ -105,11 +105,8 @@ def test_formats_say_what_they_want():
 
 def test_metrics_say_what_they_are():
     out = excite("metrics", "pole_error_max")[1]
-    assert (
-        "smaller is better; 0 for a perfect model" in out
-        and "needs: a model with poles; a known truth" in out
-        and "cannot tell: " in out
-    )
+    assert out.startswith("pole_error_max: ") and "smaller is better; 0 for a perfect model" in out
+    assert "needs: a model with poles; " in out and "\ncannot tell: " in out
     assert excite("metrics", "fit_5_step")[1].startswith("fit_5_step: ")
     assert json.loads(excite("metrics", "--json")[1])["metrics"]["fit_simulation"]["smaller_is_better"] is False
 

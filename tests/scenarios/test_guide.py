@@ -1,6 +1,7 @@
 """The guide: its pages are found, shipped and true: their code runs as it is printed."""
 
 import io
+import json
 import re
 import shlex
 import subprocess
@@ -9,6 +10,7 @@ import tomllib
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 
+import numpy as np
 import pytest
 from paths import ROOT
 
@@ -140,6 +142,25 @@ def test_the_format_of_the_page_is_listed_written_and_read(mine, tmp_path):
         "s = prbs(order=4, dt=0.1); save_signal(s, 's.one'); assert np.array_equal(load_signal('s.one', dt=0.1).u, s.u)"
     )
     assert run(folder, "-c", script, cwd=tmp_path)[0] == 0
+
+
+def test_what_the_page_prints_serves_on_the_command_line(mine, tmp_path):
+    folder, _ = mine
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(300)
+    y = np.convolve(u, [0, 1, 0.5, 0.2])[:300] + 0.01 * rng.standard_normal(300)
+    np.savetxt(tmp_path / "data.csv", np.column_stack([u, y]), delimiter=",")
+    data = ("data.csv", "--inputs", "0", "--outputs", "1", "--dt", "0.1")
+    asked = ("-m", "excite", "identify", *data, "--json", "--method")
+    fir = json.loads(run(folder, *asked, "fir", "--order", "3", cwd=tmp_path)[1])
+    assert fir["fit"]["simulation"][0] > 95 and fir["warnings"] == []
+    half = json.loads(run(folder, *asked, "fir", "--order", "half", cwd=tmp_path)[1])
+    assert half["order"] == 75 and any("half of the largest, 150" in warning for warning in half["warnings"])
+    held = json.loads(run(folder, *asked, "ssarx", "--order", "2", "--set", 'regions=["damped"]', cwd=tmp_path)[1])
+    assert max(np.hypot(p["re"], p["im"]) for p in held["poles"]) <= 0.99
+    compared = ("-m", "excite", "compare", *data, "--methods", "fir,arx", "--orders", "2,3", "-o", "out")
+    code, out, err = run(folder, *compared, cwd=tmp_path)
+    assert code == 0 and "fir" in out and "pole_radius" in out, (out, err)
 
 
 def test_the_method_of_the_page_conforms(mine, monkeypatch):
