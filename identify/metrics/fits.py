@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
 
 from excite.types.channel import Channel, listed
 from excite.types.truth import Truth
@@ -30,12 +29,24 @@ def fit_percent(y: np.ndarray, yhat: np.ndarray) -> np.ndarray:
     ----------
     Mercère, Markovsky and Ramos (2016), eq. (40a).
     """
-    return 100 * (1 - ratio(la.norm(bounded(y - yhat), axis=0), la.norm(y - y.mean(0), axis=0)))
+    return 100 * (1 - ratio(np.sqrt(energy(y - yhat)), np.sqrt(energy(centred(y)))))
 
 
-def bounded(error: np.ndarray) -> np.ndarray:
-    """Return errors with those beyond 1e150, of a diverging model, at 1e150."""
-    return np.clip(np.nan_to_num(error, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED), -DIVERGED, DIVERGED)
+def energy(error: np.ndarray) -> np.ndarray:
+    """Return the sum of squares of each column (ny,); errors beyond 1e150, of a diverging model, count as 1e150."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = np.einsum("ij,ij->j", error, error)
+    if np.isfinite(found).all():
+        return found
+    error = np.clip(np.nan_to_num(error, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED), -DIVERGED, DIVERGED)
+    return np.einsum("ij,ij->j", error, error)
+
+
+def centred(x: np.ndarray) -> np.ndarray:
+    """Return columns without their means; exactly zero where a column is constant."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        x = x - x[0]
+        return x - np.full(len(x), 1 / len(x)) @ x  # a product is several times as fast as a mean over rows
 
 
 def ratio(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.metrics.fits import bounded, ratio, varying
+from identify.metrics.fits import centred, energy, ratio, varying
 from identify.metrics.judgement import Judgement
 from identify.metrics.metric import Metric, Need
 
@@ -25,7 +25,7 @@ def vaf_percent(y: np.ndarray, yhat: np.ndarray) -> np.ndarray:
     ----------
     Mercère, Markovsky and Ramos (2016), eq. (40b).
     """
-    return 100 * (1 - ratio(np.var(bounded(y - yhat), axis=0), np.var(y, axis=0)))
+    return 100 * (1 - ratio(energy(centred(y - yhat)), energy(centred(y))))
 
 
 def _vaf(yhat: str) -> Callable[[Judgement], np.ndarray]:
