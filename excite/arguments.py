@@ -3,7 +3,7 @@
 Every refusal reads ``place: value; remedy``. `place` is what the reader calls the value: "prbs: order", "[data] seed".
 """
 
-import math
+import sys
 from collections.abc import Callable, Collection
 from typing import Any
 
@@ -53,7 +53,7 @@ def number(
     """Return a finite real number of at least `least`, beyond `above` and of at most `most`."""
     if not is_number(value):
         raise bad(place, value, *((remedy,) if remedy else ("give one", "is not a number")))
-    if not math.isfinite(value):
+    if not abs(value) <= sys.float_info.max:  # NaN is not, nor are whole numbers that no float holds
         raise bad(place, value, *((remedy,) if remedy else ("give a finite number", "is not finite")))
     if not (least <= value <= most and value > above):
         raise bad(place, value, remedy or f"give a number, {_range(least, above, most)}")
@@ -62,7 +62,7 @@ def number(
 
 def positive(value: object, place: str) -> float:
     """Return a positive finite number."""
-    if not (is_number(value) and 0 < value < np.inf):
+    if not (is_number(value) and 0 < value <= sys.float_info.max):
         raise bad(place, value, "give a number above 0", "is not a positive finite number")
     return float(value)
 
