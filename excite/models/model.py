@@ -6,6 +6,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from excite.types.channel import Channel
+from excite.types.frozen import ReadOnlyArrays
 
 
 class Record(Protocol):
@@ -15,7 +16,7 @@ class Record(Protocol):
     y: np.ndarray
 
 
-class Model(ABC):
+class Model(ReadOnlyArrays, ABC):
     """Whatever an estimate or a truth may be: it has inputs, outputs and a frequency response.
 
     dt : sampling time in s, None in continuous time.
