@@ -24,7 +24,7 @@ from excite.types.origin import Origin
 from excite.types.recording import Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from identify.method import list_methods, load_method
+from identify import list_methods, load_method
 from plants import list_plants, load_plant
 from plants.plant import Plant
 
