@@ -1,6 +1,23 @@
-"""Identification methods, their metrics and scores. `from identify import list_methods, fit, score`."""
+"""Identification methods, their metrics and scores. `from identify import list_methods, fit, score, compare`."""
 
-from identify.method import fit, list_methods, load_method
-from identify.score import score
+from typing import TYPE_CHECKING
 
-__all__ = ["fit", "list_methods", "load_method", "score"]
+from excite.lazy import face
+
+if TYPE_CHECKING:
+    from identify.compare import compare
+    from identify.fit import fit
+    from identify.registry import list_methods, load_method
+    from identify.score import score
+
+__all__ = ["compare", "fit", "list_methods", "load_method", "score"]
+__getattr__, __dir__ = face(
+    __name__,
+    {
+        "compare": "identify.compare",
+        "fit": "identify.fit",
+        "list_methods": "identify.registry",
+        "load_method": "identify.registry",
+        "score": "identify.score",
+    },
+)

@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
 from excite.models.model import Model
+from excite.types.frozen import Frozen
+from identify.uncertainty.uncertainty import Uncertainty
 
 
 class Status(Enum):
@@ -21,21 +24,23 @@ class Status(Enum):
 class Estimate:
     """One identified model and how it came about.
 
-    order : states, without those that only delay the inputs (lags for arx); x0 : initial state of the state-space form, one
-    (n,) array an experiment (where samples are missing, at the first of its first gap-free part);
-    singular_values : (k,) from which the order can be judged, or None; uncertainty : None, or what the method states;
-    condition, path : condition number of the compressed data and the numerical path taken; seconds : wall time.
+    order : states, without those that only delay the inputs (lags for arx), None for a method without an order; x0 :
+    initial state of the state-space form, (n,) per record (where samples are missing, at the first of its first gap-free
+    part); singular_values : (k,) from which the order can be judged, or None; uncertainty : None where the method states
+    none; settings : of the method, as plain values; preparation : what was done to the data before, in words; condition,
+    route : condition number of the condensed data and the numerical route taken; seconds : wall time.
     """
 
     model: Model
     method: str
-    order: int
+    order: int | None
     x0: tuple[np.ndarray, ...] = ()
     singular_values: np.ndarray | None = None
-    uncertainty: Mapping | None = None
+    uncertainty: Uncertainty | None = None
     status: Status = Status.OK
     warnings: tuple[str, ...] = ()
-    settings: Mapping = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=Frozen)
+    preparation: tuple[str, ...] = ()
     condition: float | None = None
-    path: str | None = None
+    route: str | None = None
     seconds: float = 0.0

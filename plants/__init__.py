@@ -1,13 +1,11 @@
-"""Simulated plants with honest noise and a known truth. `from plants import list_plants, load_plant`."""
+"""Simulated plants, their noise and their truth. `from plants import list_plants, load_plant`."""
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from excite.lazy import face
+
+if TYPE_CHECKING:
+    from plants.registry import list_plants, load_plant
 
 __all__ = ["list_plants", "load_plant"]
-
-
-def __getattr__(name: str) -> Any:
-    """Import the registry when it is first asked for (PEP 562): a command that needs no plant does not pay for one."""
-    if name not in __all__:
-        raise AttributeError(f"module 'plants' has no attribute '{name}'")
-    return getattr(import_module("plants.registry"), name)
+__getattr__, __dir__ = face(__name__, {"list_plants": "plants.registry", "load_plant": "plants.registry"})

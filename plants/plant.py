@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,11 @@ class Plant(ABC):
     def values(self) -> dict[str, Any]:
         """The parameters' values by name."""
         return {name: parameter.value for name, parameter in self.parameters.items()}
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that the plant was made from, beside its parameters: what they hold belongs to what it is."""
+        return ()
 
     @property
     def views(self) -> dict[str, Roles]:

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 
 from identify import conformance as method_checks
-from identify.method import list_methods
+from identify.registry import list_methods, load_method
 from plants import conformance as plant_checks
 from plants.registry import list_plants, load_plant
 
-PAIRS = [(name, check) for name in list_methods() for check in method_checks.checks_of(name)]
+PAIRS = [(name, check) for name in list_methods() for check in method_checks.checks_of(load_method(name))]
 
 
 @pytest.mark.parametrize(("name", "check"), PAIRS, ids=lambda part: getattr(part, "__name__", part))
 def test_method(name, check):
-    check(name)
+    check(load_method(name))
 
 
 PLACES = [

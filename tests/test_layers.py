@@ -9,7 +9,8 @@ from paths import ROOT
 
 from excite.generators import GENERATORS
 from excite.types.signal import Signal
-from identify.method import METHODS, Method, method_class
+from identify.method import Method
+from identify.registry import METHODS, method_class
 from plants.registry import PLANTS, load_plant
 from scenarios.cli.main import COMMANDS
 

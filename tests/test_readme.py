@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from paths import ROOT
 
-from identify.conformance import example
+from identify.examples import series as example
 from scenarios.cli.main import COMMANDS, status
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")

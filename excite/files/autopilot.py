@@ -1,7 +1,7 @@
 """Parameter files with which an autopilot plays a sweep of ours by itself: ArduPilot's SystemID mode, PX4's autotune.
 
 The autopilot computes the sweep on board, so only what its formula can make is exported: the file's own waveform must be
-the signal, sample by sample. One channel a file, since one axis is swept a flight.
+the signal, sample by sample. One channel per file, since one flight sweeps one axis.
 
 Sources
 -------
@@ -20,12 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arguments import positive
 from excite.errors import ExciteError
 from excite.files.atomic import readable
+from excite.files.formats import Format
 from excite.files.native import damaged
 from excite.files.sidecar import read_sidecar, written_with_sidecar
 from excite.files.table import Table, header
-from excite.types.channel import Channel, positive
+from excite.types.channel import Channel
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
@@ -129,6 +131,24 @@ class Autopilot:
                 wave *= 0.5 - 0.5 * np.cos(np.pi * np.clip(after / parameters[names[key]], 0, 1))
         return wave
 
+    def format(self, summary: str, extensions: tuple[str, ...]) -> Format:
+        """Return the format of this autopilot's parameter files."""
+        ranges = ", ".join(
+            f"{key} {f'{low:g} to {high:g}' if np.isfinite(high) else f'from {low:g}'} ({name})"
+            for key, (name, low, high) in self.ranges.items()
+        )
+        fades = "" if "fade_in_s" in self.ranges else ", without fades"
+        wants = {
+            "channels": f"one of {', '.join(map(str, self.axes.values()))}",
+            "units": "as the channels say"
+            + (
+                "" if all(axis.unit for axis in self.axes.values()) else "; a channel without unit has amplitude 0 to 1"
+            ),
+            "samples": "the sweep itself, neither shaped nor cut",
+            "recipe": f"sweep, form {' or '.join(self.forms)}, dwell_cycles {self.dwell_cycles}, no offset{fades}; {ranges}",
+        }
+        return Format(summary, extensions, self.read, self.write, self.quantise, wants=wants)
+
     def write(self, table: Table, path: Path) -> None:
         """Write the parameter file and its sidecar."""
         channel = Channel.parse(table.names[1][2:])
@@ -207,3 +227,7 @@ def _alike(axis: Channel, channel: Channel) -> bool:
     """Whether a channel means an axis: the same unit and the same name, apart from a trailing ``rate``."""
     name = channel.name.lower().replace("throttle", "thrust").replace(" ", "_").removesuffix("rate").rstrip("_")
     return name == axis.name and channel.unit in ((axis.unit, "1") if not axis.unit else (axis.unit,))
+
+
+ARDUPILOT_FILE = ARDUPILOT.format("parameters with which ArduPilot's SystemID mode plays a sweep", (".parm", ".param"))
+PX4_FILE = PX4.format("parameters with which PX4's autotune of fixed wings plays a sweep", (".params",))

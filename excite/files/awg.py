@@ -1,4 +1,4 @@
-"""Files of arbitrary-waveform generators: one channel a file, codes at full scale, rate and units in the sidecar.
+"""Files of arbitrary-waveform generators: one channel per file, codes at full scale, rate and units in the sidecar.
 
 A generator repeats a file's samples at a rate set on its front panel; only Keysight's file carries rate and levels. So
 the sidecar's `playback` says what to set: samples per second, repetitions per second, volts at full scale. A channel in V
@@ -25,6 +25,7 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import readable
+from excite.files.formats import Format
 from excite.files.quantised import codes_of, decoded_table, quantised
 from excite.files.sidecar import written_with_sidecar
 from excite.files.table import Table
@@ -33,6 +34,10 @@ from excite.types.signal import Signal
 
 VOLTS = {"": 1.0, "V": 1.0, "mV": 1e-3}
 MOST_VOLTS = 10.0
+UNITS = (
+    f"V, mV or none: plays its own volts, up to +-{MOST_VOLTS:g} V; any other unit plays +-1 V, and `playback` in the sidecar "
+    "says what 1 V stands for"
+)
 HEADER = re.compile(rb"\s*(?:Copyright:|File Format:)")
 KEYSIGHT_MOST_HZ = 250e6
 
@@ -74,6 +79,15 @@ class Generator:
     def read(self, path: Path) -> Table:
         """Return the channel in a file of codes: in units when the sidecar is there, else +-1 is full scale."""
         return self.decode(readable(path).read_bytes(), path)
+
+    def format(self, extension: str) -> Format:
+        """Return the format of this family's files of codes."""
+        summary = f"waveform for {self.name}"
+        return Format(summary, (extension,), self.read, self.write, self.quantise, True, self.wants())
+
+    def wants(self, more: str = "") -> dict[str, str]:
+        """Return in words what a signal must be."""
+        return {"units": UNITS, "samples": f"{self.least} to {self.most} points, codes of +-{self.top}{more}"}
 
     def decode(self, raw: bytes, path: Path) -> Table:
         """Return the channel that the bytes of a file hold."""
@@ -163,3 +177,15 @@ def _playback(table: Table, scale: dict) -> dict:
             "units_per_volt": full_scale / volts,
         }
     }
+
+
+KEYSIGHT_FILE = Format(
+    f"waveform for {KEYSIGHT.name}",
+    (".arb",),
+    read_arb,
+    write_keysight,
+    quantise_keysight,
+    one_channel=True,
+    wants=KEYSIGHT.wants(f", at most {KEYSIGHT_MOST_HZ:g} samples/s"),
+)
+RIGOL_FILE, RAF_FILE, SIGLENT_FILE = RIGOL.format(".arb"), RIGOL_RAF.format(".raf"), SIGLENT.format(".bin")

@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import readable
+from excite.files.formats import Format
 from excite.files.native import damaged
 from excite.files.quantised import codes_of, decoded_table, quantised
 from excite.files.sidecar import written_with_sidecar
@@ -98,3 +99,13 @@ def read(path: Path) -> Table:
 
 def _unescaped(text: str) -> str:
     return re.sub(r"\\([0-7]{3})", lambda match: chr(int(match[1], 8)), text).encode("latin-1").decode()
+
+
+C_HEADER = Format(
+    "C header with a constant int16 table and its scale, for firmware",
+    (".h",),
+    read,
+    write,
+    quantise,
+    wants={"samples": "16 bits, every channel at full scale"},
+)

@@ -13,11 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+import excite.files.crazyflie_player as player
 from excite.errors import ExciteError
-from excite.files import crazyflie_player as player
-from excite.files import text
 from excite.files.atomic import written
+from excite.files.formats import Format
 from excite.files.table import Table
+from excite.files.text import read as read_csv
+from excite.files.text import write as write_csv
 from excite.types.channel import Channel
 from excite.types.signal import Signal
 
@@ -61,7 +63,7 @@ def write_table(table: Table, path: Path) -> None:
     names = ["time_s"]
     for axis in ("roll", "pitch", "yawrate", "thrust"):
         names.append(f"{'u' if axis in axes else 'c'}:{Channel(axis, AXES[axis])}")
-    text.write(replace(table, names=tuple(names), values=np.column_stack([table.values[:, 0], _rows(axes)])), path)
+    write_csv(replace(table, names=tuple(names), values=np.column_stack([table.values[:, 0], _rows(axes)])), path)
 
 
 def write_player(table: Table, path: Path) -> None:
@@ -117,3 +119,28 @@ def _at_send_rate(signal: Signal) -> Signal:
         f"dt = {signal.dt:g} s is finer than the {low:g} s of the radio, and no whole blocks of {low:g} to {high:g} s hold "
         "their value; design the signal with a dt of 0.01 to 0.02 s, or held that long"
     )
+
+
+WANTS = {
+    "channels": KNOWN,
+    "units": "as the channels say, or none",
+    "samples": f"at most {player.MOST_SECONDS:g} s; dt of {player.LEAST_DT_S:g} to {player.MOST_DT_S:g} s, longer, or a "
+    "finer one held that long; roll and pitch within "
+    f"{player.MOST['roll']:g} deg, yaw rate within {player.MOST['yawrate']:g} deg/s",
+}
+TABLE = Format(
+    "set-points of a Crazyflie, CSV that any client plays; needs an absolute thrust",
+    (".csv",),
+    read_csv,
+    write_table,
+    setpoints,
+    wants=WANTS,
+)
+PLAYER = Format(
+    "script that plays set-points on a Crazyflie by cflib, with caps, arming and a way down",
+    (".py",),
+    None,
+    write_player,
+    setpoints,
+    wants=WANTS,
+)

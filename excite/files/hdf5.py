@@ -11,14 +11,18 @@ no references, no compound or variable-length types.
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import MAX_BYTES, readable, written
+from excite.files.formats import Format
 from excite.files.npz import GROUPS, restored
 from excite.files.table import Table, from_arrays
+
+if TYPE_CHECKING:
+    import h5py
 
 USER_BLOCK = 512
 MAT_HEADER = b"MATLAB 7.3 MAT-file, written by excite, HDF5 schema 1.00 .".ljust(116) + bytes(8) + b"\x00\x02IM"
@@ -30,6 +34,8 @@ def write(table: Table, path: Path) -> None:
 
     In a signal's file the first column of `u` is the time, the array form of Simulink's From Workspace block.
     """
+    import h5py  # here, because only those who open such a file need it
+
     time = table.values[:, :1]
     arrays = {variable: table.group(role) for role, variable in GROUPS.items()}
     if table.meta.get("kind") == "signal":
@@ -60,6 +66,8 @@ def write(table: Table, path: Path) -> None:
 
 def read(path: Path) -> Table:
     """Return the table in an HDF5 or MAT 7.3 file: an own one exactly, a foreign one's numeric arrays by name."""
+    import h5py
+
     try:
         with h5py.File(readable(path), "r") as file:
             found = {name: _plain(file, name) for name in file}
@@ -78,8 +86,10 @@ def read(path: Path) -> Table:
     return from_arrays(arrays, str(path), skipped)
 
 
-def _plain(file: h5py.File, name: str) -> h5py.Dataset | str:
+def _plain(file: "h5py.File", name: str) -> "h5py.Dataset | str":
     """Return the data set of a name when it is plain numbers within this file, else why it is not."""
+    import h5py
+
     link = file.get(name, getlink=True)
     if not isinstance(link, h5py.HardLink):
         return type(link).__name__
@@ -96,7 +106,7 @@ def _plain(file: h5py.File, name: str) -> h5py.Dataset | str:
     return given
 
 
-def _array(given: h5py.Dataset, text: bool) -> np.ndarray:
+def _array(given: "h5py.Dataset", text: bool) -> np.ndarray:
     array = given[()]
     kind = _matlab_class(given)
     if kind:
@@ -106,10 +116,13 @@ def _array(given: h5py.Dataset, text: bool) -> np.ndarray:
     return array
 
 
-def _matlab_class(given: h5py.Dataset) -> str:
+def _matlab_class(given: "h5py.Dataset") -> str:
     kind = given.attrs.get("MATLAB_class", b"")
     return kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
 
 
 def _utf16(text: str) -> np.ndarray:
     return np.frombuffer(text.encode("utf-16-le"), "<u2")
+
+
+HDF5 = Format("HDF5, in the form of MATLAB's version 7.3: large records", (".h5", ".hdf5", ".mat"), read, write)

@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 
 from excite.errors import ExciteError
-from excite.files import hdf5
 from excite.files.atomic import MAX_BYTES, readable, written
+from excite.files.formats import Format
+from excite.files.hdf5 import read as read_hdf5
 from excite.files.npz import GROUPS, restored
 from excite.files.table import Table, from_arrays
 
@@ -21,6 +21,8 @@ def write(table: Table, path: Path) -> None:
 
     In a signal's file the first column of `u` is the time, the array form of Simulink's From Workspace block.
     """
+    import scipy.io  # here, because only those who open such a file need it
+
     time = table.values[:, :1]
     arrays = {variable: table.group(role) for role, variable in GROUPS.items()}
     arrays = {variable: values for variable, values in arrays.items() if values.size}
@@ -43,6 +45,8 @@ def write(table: Table, path: Path) -> None:
 
 def read(path: Path) -> Table:
     """Return the table in a .mat file of version 4, 5 or 7.3: an own one exactly, a foreign one's numeric arrays by name."""
+    import scipy.io
+
     try:
         kinds = scipy.io.whosmat(readable(path), appendmat=False)
         wanted = [name for name, _, kind in kinds if kind in NUMERIC or (name in OWN and kind == "char")]
@@ -51,7 +55,7 @@ def read(path: Path) -> Table:
             raise ExciteError(f"{path}: its arrays take {size} bytes, more than {MAX_BYTES}; split the file")
         loaded = scipy.io.loadmat(path, appendmat=False, variable_names=wanted) if wanted else {}
     except NotImplementedError:  # version 7.3 is HDF5
-        return hdf5.read(path)
+        return read_hdf5(path)
     except ExciteError:
         raise
     except Exception as error:  # the parser of this binary format raises almost anything on damaged bytes
@@ -60,3 +64,8 @@ def read(path: Path) -> Table:
     if {*OWN, "time_s"} <= arrays.keys():
         return restored(arrays, str(path))
     return from_arrays(arrays, str(path), tuple(f"{name} ({kind})" for name, _, kind in kinds if name not in wanted))
+
+
+MAT = Format(
+    "MATLAB file of version 5 (read up to 7.3); a signal as Simulink's From Workspace takes it", (".mat",), read, write
+)

@@ -67,10 +67,8 @@ def to_recording(table: Table) -> Recording:
         )
 
 
-def to_loop(meta: Mapping | None) -> Loop:
-    """Return the loop that the meta of an own file describes; open when it describes none."""
-    if meta is None:
-        return Loop("open")
+def to_loop(meta: Mapping) -> Loop:
+    """Return the loop that the meta of an own file describes."""
     model = meta["controller"]
     if model is not None:
         arrays = {key: None if model[key] is None else np.array(model[key], dtype=np.float64) for key in ARRAYS}
@@ -78,9 +76,9 @@ def to_loop(meta: Mapping | None) -> Loop:
     return Loop(meta["state"], model, meta["sign"], meta["entry"])
 
 
-def to_level(meta: Mapping | None) -> Level:
-    """Return the level that the meta of an own file states; zero when it states none."""
-    return Level("zero") if meta is None else Level(**meta)
+def to_level(meta: Mapping) -> Level:
+    """Return the level that the meta of an own file states."""
+    return Level(**meta)
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import MAX_BYTES, readable, written
+from excite.files.formats import Format
 from excite.files.table import Table, from_arrays
 
 GROUPS = {"u": "u", "y": "y", "r": "r", "c": "other"}
@@ -61,3 +62,6 @@ def restored(arrays: dict[str, np.ndarray], place: str) -> Table:
         return Table(tuple(names), values, place, dict(meta))
     except (TypeError, ValueError, KeyError, AttributeError, StopIteration, RecursionError) as error:
         raise ExciteError(f"{place}: its column list does not fit its arrays ({error}); write it again") from error
+
+
+NPZ = Format("NumPy archive, the natural form of a recording: everything, bit for bit", (".npz",), read, write)

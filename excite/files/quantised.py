@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.arguments import positive
 from excite.errors import ExciteError
 from excite.files.native import damaged
 from excite.files.sidecar import read_sidecar
 from excite.files.table import Table
-from excite.types.channel import positive
 from excite.types.signal import Signal
 
 

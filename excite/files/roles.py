@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.arguments import same_dt
+from excite.arguments import positive, same_dt
 from excite.errors import ExciteError, did_you_mean
 from excite.files.native import damaged
 from excite.files.table import TIME_NAMES, Table
-from excite.types.channel import Channel, positive
+from excite.types.channel import Channel
 
 Columns = Sequence[str | int] | str | int
 FLAGS = {"u": "inputs", "y": "outputs", "r": "reference"}

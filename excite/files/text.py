@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.files.atomic import readable
+from excite.files.formats import Format
 from excite.files.sidecar import read_sidecar, written_with_sidecar
 from excite.files.table import Table
 
@@ -179,3 +180,7 @@ class _Dialect:
                         "point; use one decimal sign and no thousands separators"
                     )
         return ExciteError(f"{self.path}: cannot be read as a table of numbers; use plain numbers and commas")
+
+
+CSV = Format("comma-separated values, any dialect read, roles and units in the header", (".csv",), read, write)
+COLUMNS = Format("columns of numbers between blanks or tabs, as DaISy and many loggers write", (".dat", ".txt"), read)

@@ -10,10 +10,10 @@ import wave
 from pathlib import Path
 
 import numpy as np
-from scipy.io import wavfile
 
 from excite.errors import ExciteError
 from excite.files.atomic import readable
+from excite.files.formats import Format
 from excite.files.quantised import codes_of, decoded_table, quantised
 from excite.files.sidecar import written_with_sidecar
 from excite.files.table import Table
@@ -54,6 +54,8 @@ def write(table: Table, path: Path) -> None:
 
 def read(path: Path) -> Table:
     """Return the channels of a WAV file, PCM or float: in units when the sidecar is there, else +-1 is full scale."""
+    from scipy.io import wavfile  # here, because only those who open such a file need it
+
     raw = readable(path).read_bytes()
     try:
         with warnings.catch_warnings():
@@ -75,3 +77,16 @@ def read(path: Path) -> Table:
     if not np.isfinite(samples).all():
         raise ExciteError(f"{path}: a sample is not finite; correct it")
     return decoded_table(samples.astype(np.float64), SCALES.get(str(samples.dtype), 1), path, raw, known)
+
+
+WAV = Format(
+    "sound of 24 bits, for sound cards and loudspeakers",
+    (".wav",),
+    read,
+    write,
+    quantise,
+    wants={
+        "samples": f"a whole number of samples per second; up to {MOST_CHANNELS} channels and 4 GiB; 24 bits, every channel "
+        "at full scale"
+    },
+)

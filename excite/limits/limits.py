@@ -1,12 +1,14 @@
 """What the hardware allows: limits of the command and of the predicted outputs, and the check of a signal against them."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
 from excite.arguments import positive, same_dt, whole
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError, did_you_mean, placed
+from excite.files.toml import read_toml
 from excite.models.state_space import StateSpaceModel
 from excite.plain import plain
 from excite.types.signal import Signal
@@ -21,7 +23,7 @@ class OutputLimit:
     """Bounds on what a model predicts the command to cause, from trim on.
 
     model : from all channels of the signal to the limited outputs, open or closed loop, at the signal's dt; trim is the
-    model's offsets with zero state. low, high : bounds in the outputs' units, one number or one an output; None, or an
+    model's offsets with zero state. low, high : bounds in the outputs' units, one number, or one per output; None, or an
     infinite one, is free.
     """
 
@@ -69,7 +71,7 @@ class OutputLimit:
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits of the hardware; None is no limit, one number holds for all channels, or give one a channel.
+    """Limits of the hardware; None is no limit, one number holds for all channels, or give one per channel.
 
     amplitude : largest |u|, in the channel's unit; low, high : bounds that need not be symmetric;
     rate : largest |du/dt|, unit/s, counted between held values; move : largest change between held values, unit;
@@ -258,6 +260,13 @@ def check(signal: Signal, limits: Limits) -> LimitReport:
     return LimitReport(tuple(checks))
 
 
+def load_limits(path: str | os.PathLike) -> Limits:
+    """Read a TOML file with the fields of `Limits`; errors name the file."""
+    table = read_toml(path)
+    with placed(str(path)):
+        return Limits.from_dict(table)
+
+
 def moves(signal: Signal, hold: int) -> np.ndarray:
     """Changes between held values, (values, nu); the last from the end to the start where whole periods repeat, else 0."""
     held = signal.u[::hold]
@@ -295,7 +304,7 @@ def _below(name: str, channel: str, value: float, allowed: float, where_s: float
 
 
 def per_channel(value: Number, names: Sequence[str], place: str, default: float) -> np.ndarray:
-    """One number a channel, (nu,); `default` where there is no limit, which infinity says too."""
+    """Return one number per channel, (nu,); `default` where there is no limit, which infinity says too."""
     if value is None:
         return np.full(len(names), default)
     try:

@@ -21,7 +21,7 @@ ROUNDS = 40
 class Loss:
     """What shaping cost, after against before; None where there was nothing to compare.
 
-    power_db : power about the mean, one a channel; mean_line_db, worst_line_db : power of the excited lines (those within
+    power_db : power about the mean, one per channel; mean_line_db, worst_line_db : power of the excited lines (those within
     40 dB of a channel's largest), together and the worst one; log_det : change of log det of the information matrix of an
     impulse response of `block_rows` lags, per parameter; margin : ratio of the smallest singular values.
     """

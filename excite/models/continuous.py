@@ -1,44 +1,53 @@
-"""Continuous-time state-space models, and the way to them from sampled ones whose input is held between samples."""
+"""Between continuous time and samples, for an input held between them."""
 
 import warnings
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.types.channel import Channel
-
-if TYPE_CHECKING:
-    import control
+from excite.types.channel import positive, time_axis
 
 ON_AXIS = 1e-9  # relative distance to the negative real axis at which a pole has no continuous-time counterpart
 AT_ORIGIN = 1e-12  # modulus of a pole that is a delay
 ROUND_TRIP = 1e-8  # relative error of sampling the result again, beyond which it is no result
+UNIFORM = 1e-9  # relative difference of the steps below which instants count as uniform
 
 
-@dataclass(frozen=True, eq=False)
-class ContinuousModel:
-    """Deterministic continuous-time model dx/dt = A x + B u, y = C x + D u, in the channels of the sampled one."""
+def hold(A: np.ndarray, B: np.ndarray, dt: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return A, B sampled at dt s with a zero-order hold; for steps dt (S,), stacks (S, n, n) and (S, n, nu).
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    inputs: tuple[Channel, ...]
-    outputs: tuple[Channel, ...]
+    exp(dt [[A_c, B_c], [0, 0]]) = [[A, B], [0, I]] (Van Loan, IEEE Trans. Autom. Control 23, 1978).
+    """
+    n, nu = B.shape
+    M = np.zeros((n + nu, n + nu))
+    M[:n, :n], M[:n, n:] = A, B
+    sampled = la.expm(np.multiply.outer(dt, M))
+    return sampled[..., :n, :n], sampled[..., :n, n:]
 
-    def poles(self) -> np.ndarray:
-        """Eigenvalues of A, rad/s."""
-        return la.eigvals(self.A) if len(self.A) else np.empty(0, complex)
 
-    def to_control(self) -> "control.StateSpace":
-        """Return the python-control system."""
-        import control
+def uniform_step(time_s: np.ndarray) -> float | None:
+    """Return the step of uniform instants (N,), or None where they are not uniform."""
+    steps = np.diff(time_s)
+    if len(steps) == 0:
+        return None
+    step = (time_s[-1] - time_s[0]) / len(steps)
+    # the instants themselves are rounded, so that late steps are less exact
+    return float(step) if np.abs(steps - step).max() <= UNIFORM * step + 4 * np.spacing(np.abs(time_s).max()) else None
 
-        names = [c.name for c in self.inputs], [c.name for c in self.outputs]
-        return control.StateSpace(self.A, self.B, self.C, self.D, inputs=names[0], outputs=names[1])
+
+def instants(time_s: np.ndarray | None, count: int, kind: str) -> np.ndarray:
+    """Return the instants (count,) at which a model in continuous time is simulated; without them it cannot be."""
+    if time_s is None:
+        raise ExciteError(f"{kind}.simulate: no instants; give time_s, one per sample of u")
+    return time_axis(time_s, count, f"{kind}.simulate: time_s")
+
+
+def sampling_time(dt: float | None, kind: str) -> float:
+    """Return the sampling time, s, that a model in continuous time is asked for; it has none of its own."""
+    if dt is None:
+        raise ExciteError(f"{kind}: a model in continuous time has no sampling time of its own; give dt in s")
+    return positive(dt, f"{kind}: dt")
 
 
 def invert_hold(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

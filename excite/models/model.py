@@ -1,19 +1,23 @@
 """What a model can do is its type: Model < Dynamic < Predictor, and Parametric beside them."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, Protocol, Self
 
 import numpy as np
 
+from excite.errors import ExciteError
+from excite.models.arrays import read_only
 from excite.types.channel import Channel
 from excite.types.frozen import ReadOnlyArrays
 
 
 class Record(Protocol):
-    """What a model needs of a record: an Experiment, or anything with inputs u (N, nu) and outputs y (N, ny)."""
+    """What a model needs of a record: an Experiment, or anything with inputs u (N, nu), outputs y (N, ny), time_s (N,)."""
 
     u: np.ndarray
     y: np.ndarray
+    time_s: np.ndarray
 
 
 class Model(ReadOnlyArrays, ABC):
@@ -30,9 +34,19 @@ class Model(ReadOnlyArrays, ABC):
     def frf(self, f_hz: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu), complex, at f_hz (F,)."""
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take over a pickled or copied state, its arrays read-only as they were."""
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                read_only(value)
+        self.__dict__.update(state)
+
 
 class Dynamic(Model):
-    """A model with poles that can be simulated."""
+    """A model with poles that can be simulated.
+
+    In continuous time, `simulate` takes the instants (time_s=) and `impulse` and `to_state_space` a sampling time (dt=).
+    """
 
     @abstractmethod
     def poles(self) -> np.ndarray:
@@ -50,18 +64,55 @@ class Dynamic(Model):
     def to_state_space(self) -> Any:  # a StateSpaceModel, which is one of these itself
         """The same model as a StateSpaceModel, exact."""
 
+    def response(self, record: Record, x0: np.ndarray | None = None) -> np.ndarray:
+        """Noise-free response (N, ny) to the inputs of a record, at its instants, from the state x0."""
+        return self.simulate(record.u, x0)
+
 
 class Predictor(Dynamic):
-    """A model of the noise too, which predicts the next outputs from the measured ones.
+    """A model of the noise too, y = G u + H e, which predicts the next outputs from the measured ones.
 
-    innovation_cov : (ny, ny), or None where it is not known.
+    innovation_cov : covariance of e (ny, ny), or None where it is not known.
     """
 
     innovation_cov: np.ndarray | None
 
+    @property
+    def predicts(self) -> bool:
+        """Whether the noise is described, so that the model can predict."""
+        return True
+
     @abstractmethod
-    def predict(self, experiment: Record, horizon: int = 1, x0: np.ndarray | None = None) -> np.ndarray:
-        """Return yhat(t | t - horizon) as (N, ny)."""
+    def innovations(self, record: Record, x0: np.ndarray | None = None) -> np.ndarray:
+        """Return the one-step prediction errors e = y - yhat(t | t - 1) as (N, ny), from the state x0 at the first sample."""
+
+    @abstractmethod
+    def noise_impulse(self, count: int) -> np.ndarray:
+        """Impulse response I, H_1, … of the noise model H as (count, ny, ny)."""
+
+    @abstractmethod
+    def noise_frf(self, f_hz: np.ndarray) -> np.ndarray:
+        """Frequency response (F, ny, ny) of the noise model H, complex, at f_hz (F,)."""
+
+    @abstractmethod
+    def predictions(
+        self, record: Record, horizons: Sequence[int], x0: np.ndarray | None = None
+    ) -> tuple[np.ndarray, ...]:
+        """Return yhat(t | t - h) as (N, ny) for each h of `horizons`, which share the work of the first step."""
+
+    def predict(self, record: Record, horizon: int = 1, x0: np.ndarray | None = None) -> np.ndarray:
+        """Return yhat(t | t - horizon) as (N, ny), from the state x0 at the first sample.
+
+        The first horizon - 1 samples are simulated from x0. Raises ExciteError for a horizon below one sample.
+        """
+        return self.predictions(record, (horizon,), x0)[0]
+
+
+def check_horizons(horizons: Sequence[int]) -> None:
+    """Refuse prediction horizons below one sample."""
+    for horizon in horizons:
+        if horizon < 1:
+            raise ExciteError(f"predict: horizon {horizon}; it must be at least 1 sample")
 
 
 class Parametric(Dynamic):
@@ -73,4 +124,4 @@ class Parametric(Dynamic):
 
     @abstractmethod
     def at(self, theta: np.ndarray) -> Self:
-        """The model of the same structure with other parameters."""
+        """Return the model of the same structure with other parameters."""

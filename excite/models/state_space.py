@@ -1,15 +1,17 @@
-"""State-space models in innovation form."""
+"""State-space models: sampled, in innovation form, and in continuous time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.models.continuous import ContinuousModel, invert_hold
-from excite.models.model import Predictor, Record
+from excite.models.arrays import finite, offset
+from excite.models.continuous import hold, instants, invert_hold, sampling_time, uniform_step
+from excite.models.model import Dynamic, Parametric, Predictor, Record, check_horizons
 from excite.models.modes import Mode, modal_basis, modes_of
 from excite.numerics.kalman import kalman_gain
 from excite.numerics.simulate import fir, markov, observability, simulate, states
@@ -19,17 +21,9 @@ if TYPE_CHECKING:
     import control
 
 
-def _matrix(value: object, shape: tuple[int, int], place: str) -> np.ndarray:
-    array = np.array(value, dtype=np.float64, ndmin=2)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise ExciteError(f"{place}: shape {array.shape}, expected {shape} with finite values")
-    array.flags.writeable = False
-    return array
-
-
 @dataclass(frozen=True, eq=False)
-class StateSpaceModel(Predictor):
-    """Discrete state-space model in innovation form, seed 000 eq. (2.4).
+class StateSpaceModel(Predictor, Parametric):
+    """Discrete state-space model in innovation form (Ljung, System Identification, 2nd ed. 1999, eq. 4.92).
 
     x(k+1) = A x(k) + B (u(k) - u0) + K e(k),   y(k) - y0 = C x(k) + D (u(k) - u0) + e(k)
 
@@ -51,16 +45,14 @@ class StateSpaceModel(Predictor):
 
     def __post_init__(self) -> None:
         n = len(np.atleast_2d(self.A)) if np.size(self.A) else 0
-        nu, ny = np.atleast_2d(self.D).shape[1], np.atleast_2d(self.D).shape[0]
+        ny, nu = np.atleast_2d(self.D).shape
         shapes = {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu), "K": (n, ny), "innovation_cov": (ny, ny)}
         for key, shape in shapes.items():
             value = getattr(self, key)
             if value is not None:
-                value = np.reshape(value, shape) if np.size(value) == 0 else value
-                object.__setattr__(self, key, _matrix(value, shape, f"StateSpaceModel.{key}"))
+                object.__setattr__(self, key, finite(np.atleast_2d(value), shape, f"StateSpaceModel.{key}"))
         for key, size in (("input_offset", nu), ("output_offset", ny)):
-            value = np.zeros(size) if getattr(self, key) is None else getattr(self, key)
-            object.__setattr__(self, key, _matrix(value, (1, size), f"StateSpaceModel.{key}")[0])
+            object.__setattr__(self, key, offset(getattr(self, key), size, f"StateSpaceModel.{key}"))
         object.__setattr__(self, "dt", positive(self.dt, "StateSpaceModel.dt"))
         object.__setattr__(self, "inputs", channels_for(nu, self.inputs, "u"))
         object.__setattr__(self, "outputs", channels_for(ny, self.outputs, "y"))
@@ -72,49 +64,95 @@ class StateSpaceModel(Predictor):
 
     def poles(self) -> np.ndarray:
         """Eigenvalues of A (z-plane), sorted by argument and modulus."""
-        poles = la.eigvals(self.A) if self.order else np.empty(0, complex)
-        return poles[np.lexsort((poles.imag, np.abs(poles), np.abs(np.angle(poles)).round(12)))]
+        return self._poles.copy()
+
+    @cached_property
+    def _poles(self) -> np.ndarray:
+        return poles_of(self.A)
 
     def frf(self, f_hz: np.ndarray) -> np.ndarray:
         """Frequency response G(e^{j 2 pi f dt}) as (F, ny, nu) complex."""
+        return _transfer(np.exp(2j * np.pi * np.atleast_1d(f_hz) * self.dt), self.A, self.B, self.C, self.D)
+
+    def noise_frf(self, f_hz: np.ndarray) -> np.ndarray:
+        """Frequency response (F, ny, ny) of the noise model."""
         z = np.exp(2j * np.pi * np.atleast_1d(f_hz) * self.dt)
-        resolvent = z[:, None, None] * np.eye(self.order) - self.A
-        return self.C @ np.linalg.solve(resolvent, np.broadcast_to(self.B, (len(z), *self.B.shape))) + self.D
+        return _transfer(z, self.A, self._gain(), self.C, np.eye(len(self.C)))
 
     def impulse(self, count: int) -> np.ndarray:
         """Markov parameters D, CB, CAB, … as (count, ny, nu)."""
         return markov(self.A, self.B, self.C, self.D, count)
 
+    def noise_impulse(self, count: int) -> np.ndarray:
+        """Impulse response I, CK, CAK, … of the noise model as (count, ny, ny)."""
+        return markov(self.A, self._gain(), self.C, np.eye(len(self.C)), count)
+
     def simulate(self, u: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:
         """Noise-free response (N, ny) to u (N, nu) from state x0."""
         return simulate(self.A, self.B, self.C, self.D, u - self.input_offset, x0) + self.output_offset
 
-    def predictor(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return A - K C and [B - K D, K], the one-step predictor driven by [u, y]."""
+    @property
+    def predicts(self) -> bool:
+        """Whether the model has a noise part."""
+        return self.K is not None
+
+    def _gain(self) -> np.ndarray:
         if self.K is None:
             raise ExciteError("this model has no noise part (K), so it cannot predict; use simulate")
-        return self.A - self.K @ self.C, np.hstack([self.B - self.K @ self.D, self.K])
+        return self.K
 
-    def predict(self, experiment: Record, horizon: int = 1, x0: np.ndarray | None = None) -> np.ndarray:
-        """Return yhat(t | t - horizon) as (N, ny), from state x0 at the first sample.
+    def predictor(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return A - K C and [B - K D, K], the one-step predictor driven by [u, y]."""
+        K = self._gain()
+        return self.A - K @ self.C, np.hstack([self.B - K @ self.D, K])
 
-        The one-step predictor runs on measured u and y; the remaining horizon - 1 steps use u alone. The first
-        horizon - 1 samples are simulated from x0.
+    def innovations(self, record: Record, x0: np.ndarray | None = None) -> np.ndarray:
+        """Return the one-step prediction errors (N, ny), from the state x0 at the first sample."""
+        A, B = self.predictor()
+        measured = np.hstack([record.u - self.input_offset, record.y - self.output_offset])
+        return simulate(A, B, -self.C, np.hstack([-self.D, np.eye(len(self.C))]), measured, x0)
+
+    def predictions(
+        self, record: Record, horizons: Sequence[int], x0: np.ndarray | None = None
+    ) -> tuple[np.ndarray, ...]:
+        """Return yhat(t | t - h) as (N, ny) for each h of `horizons`, from state x0 at the first sample.
+
+        The one-step predictor runs on measured u and y; the remaining h - 1 steps use u alone. The first h - 1 samples are
+        simulated from x0.
         """
-        if horizon < 1:
-            raise ExciteError(f"predict: horizon {horizon}; it must be at least 1 sample")
-        u, y = experiment.u - self.input_offset, experiment.y - self.output_offset
-        Ak, Bk = self.predictor()
-        x = states(Ak, Bk, np.hstack([u, y]), x0)
-        if horizon == 1:
-            return x @ self.C.T + u @ self.D.T + self.output_offset
-        lead = min(horizon - 1, len(u))
-        yhat = np.empty_like(y)
-        yhat[:lead] = simulate(self.A, self.B, self.C, self.D, u[:lead], x0)
-        response = fir(self.impulse(horizon), u)
-        onward = self.C @ np.linalg.matrix_power(self.A, horizon - 1)
-        yhat[lead:] = response[lead:] + x[: len(u) - lead] @ onward.T
-        return yhat + self.output_offset
+        check_horizons(horizons)
+        A, B = self.predictor()
+        u, y = record.u - self.input_offset, record.y - self.output_offset
+        x, ahead = states(A, B, np.hstack([u, y]), x0), []
+        for horizon in horizons:
+            if horizon == 1:
+                yhat = x @ self.C.T + u @ self.D.T
+            else:
+                lead = min(horizon - 1, len(u))
+                yhat = fir(self.impulse(horizon), u)
+                yhat[:lead] = simulate(self.A, self.B, self.C, self.D, u[:lead], x0)
+                yhat[lead:] += x[: len(u) - lead] @ (self.C @ np.linalg.matrix_power(self.A, horizon - 1)).T
+            ahead.append(yhat + self.output_offset)
+        return tuple(ahead)
+
+    def theta(self) -> np.ndarray:
+        """Return the entries of A, B, C, D, K, row by row; D and K that are zero throughout are structure and left out."""
+        return np.concatenate([getattr(self, key).ravel() for key in self.free()])
+
+    def free(self) -> tuple[str, ...]:
+        """Return the names of the matrices that theta holds."""
+        return ("A", "B", "C", *(key for key in ("D", "K") if self._holds(key)))
+
+    def _holds(self, key: str) -> bool:
+        return getattr(self, key) is not None and bool(np.any(getattr(self, key)))
+
+    def at(self, theta: np.ndarray) -> Self:
+        """Return the model with other entries of A, B, C, and of D and K where theta holds them."""
+        keys = self.free()
+        ends = np.cumsum([getattr(self, key).size for key in keys])
+        theta = finite(theta, (int(ends[-1]),), "StateSpaceModel.at: theta")
+        blocks = np.split(theta, ends[:-1])
+        return replace(self, **{k: v.reshape(getattr(self, k).shape) for k, v in zip(keys, blocks, strict=True)})
 
     def to_state_space(self) -> "StateSpaceModel":
         """Return this model."""
@@ -127,13 +165,14 @@ class StateSpaceModel(Predictor):
         names = [c.name for c in self.inputs], [c.name for c in self.outputs]
         return control.StateSpace(self.A, self.B, self.C, self.D, self.dt, inputs=names[0], outputs=names[1])
 
-    def to_continuous(self) -> ContinuousModel:
+    def to_continuous(self) -> "ContinuousModel":
         """Return the deterministic part in continuous time, for an input held between samples; offsets stay what they are.
 
         Raises ExciteError for a pole that no continuous-time model has (`continuous.invert_hold`).
         """
         A, B = invert_hold(self.A, self.B, self.dt)
-        return ContinuousModel(A, B, self.C, self.D, self.inputs, self.outputs)
+        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
+        return ContinuousModel(A, B, self.C, self.D, self.inputs, self.outputs, **offsets)
 
     def modes(self) -> tuple[Mode, ...]:
         """Natural frequencies, dampings, time constants and mode shapes, slowest first."""
@@ -203,3 +242,98 @@ class StateSpaceModel(Predictor):
         else:
             K = cov = None
         return replace(self, A=A, B=powers.sum(0) @ self.B, dt=self.dt * every, K=K, innovation_cov=cov)
+
+
+@dataclass(frozen=True, eq=False)
+class ContinuousModel(Dynamic):
+    """Deterministic continuous-time model dx/dt = A x + B (u - u0), y - y0 = C x + D (u - u0); rad and s.
+
+    A (n, n), B (n, nu), C (ny, n), D (ny, nu); input_offset u0 (nu,), output_offset y0 (ny,). Between instants the input
+    is held.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    inputs: Sequence[Channel | str] | None = None
+    outputs: Sequence[Channel | str] | None = None
+    input_offset: np.ndarray | None = None
+    output_offset: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_2d(self.A)) if np.size(self.A) else 0
+        ny, nu = np.atleast_2d(self.D).shape
+        for key, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
+            value = finite(np.atleast_2d(getattr(self, key)), shape, f"ContinuousModel.{key}")
+            object.__setattr__(self, key, value)
+        for key, size in (("input_offset", nu), ("output_offset", ny)):
+            object.__setattr__(self, key, offset(getattr(self, key), size, f"ContinuousModel.{key}"))
+        object.__setattr__(self, "inputs", channels_for(nu, self.inputs, "u"))
+        object.__setattr__(self, "outputs", channels_for(ny, self.outputs, "y"))
+
+    @property
+    def dt(self) -> None:
+        """None: the model is in continuous time."""
+        return None
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return len(self.A)
+
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A, rad/s."""
+        return la.eigvals(self.A) if len(self.A) else np.empty(0, complex)
+
+    def frf(self, f_hz: np.ndarray) -> np.ndarray:
+        """Frequency response G(j 2 pi f) as (F, ny, nu) complex."""
+        return _transfer(2j * np.pi * np.atleast_1d(f_hz), self.A, self.B, self.C, self.D)
+
+    def impulse(self, count: int, dt: float | None = None) -> np.ndarray:
+        """Markov parameters (count, ny, nu) of the model sampled at dt s."""
+        return self.to_state_space(dt).impulse(count)
+
+    def simulate(self, u: np.ndarray, x0: np.ndarray | None = None, *, time_s: np.ndarray | None = None) -> np.ndarray:
+        """Noise-free response (N, ny) to u (N, nu), each held from its instant in time_s (N,) to the next, from x0."""
+        time_s = instants(time_s, len(u), "ContinuousModel")
+        if (step := uniform_step(time_s)) is not None:
+            return self.to_state_space(step).simulate(u, x0)
+        u = u - self.input_offset
+        steps, which = np.unique(np.diff(time_s), return_inverse=True)
+        A, B = hold(self.A, self.B, steps)
+        x = np.zeros((len(u), len(self.A)))
+        x[0] = 0.0 if x0 is None else x0
+        for k, i in enumerate(which):
+            x[k + 1] = A[i] @ x[k] + B[i] @ u[k]
+        return x @ self.C.T + u @ self.D.T + self.output_offset
+
+    def response(self, record: Record, x0: np.ndarray | None = None) -> np.ndarray:
+        """Noise-free response (N, ny) to the inputs of a record, at its instants, from the state x0."""
+        return self.simulate(record.u, x0, time_s=record.time_s)
+
+    def to_state_space(self, dt: float | None = None) -> StateSpaceModel:
+        """Return the model sampled at dt s, for an input held between samples."""
+        dt = sampling_time(dt, "ContinuousModel")
+        A, B = hold(self.A, self.B, dt)
+        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
+        return StateSpaceModel(A, B, self.C, self.D, dt, inputs=self.inputs, outputs=self.outputs, **offsets)
+
+    def to_control(self) -> "control.StateSpace":
+        """Return the python-control system."""
+        import control
+
+        names = [c.name for c in self.inputs], [c.name for c in self.outputs]
+        return control.StateSpace(self.A, self.B, self.C, self.D, inputs=names[0], outputs=names[1])
+
+
+def poles_of(A: np.ndarray) -> np.ndarray:
+    """Eigenvalues of A, sorted by argument and modulus."""
+    poles = la.eigvals(A) if len(A) else np.empty(0, complex)
+    return poles[np.lexsort((poles.imag, np.abs(poles), np.abs(np.angle(poles)).round(12)))]
+
+
+def _transfer(s: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Return C (s I - A)^-1 B + D for each s (F,), as (F, rows, columns)."""
+    resolvent = s[:, None, None] * np.eye(len(A)) - A
+    return C @ np.linalg.solve(resolvent, np.broadcast_to(B, (len(s), *B.shape))) + D

@@ -93,16 +93,17 @@ def certify(data: Data, block_rows: int = 20, noise_floor: float | Sequence[floa
     """Certify the input of a signal or of experiments (side by side: collective persistency) up to `block_rows`.
 
     An input is persistently exciting of order s when the covariance of s successive samples is non-singular, that is,
-    when its block-Hankel matrix with s block rows has full row rank s nu (seed 002, 4.0.4; several records: van Waarde
-    et al., IEEE L-CSS 4, 2020). The order comes from the well-conditioned one of three views: the triangular factor of
-    the Hankel matrix (from its Gram matrix; by QR where that would lose the small singular values), the spectral lines
-    of a period, or a tall Hankel matrix (`excite.persistency.rank`).
+    when its block-Hankel matrix with s block rows has full row rank s nu (Zaffalon and Hofmann, System Identification,
+    ETH Zurich 2024, 4.0.4; several records: van Waarde et al., IEEE L-CSS 4, 2020). The order comes from the
+    well-conditioned one of three views: the triangular factor of the Hankel matrix (from its Gram matrix; by QR where
+    that would lose the small singular values), the spectral lines of a period, or a tall Hankel matrix
+    (`excite.persistency.rank`).
 
     Parameters
     ----------
     data : Signal, Experiment, or several experiments; without missing samples, uniformly sampled.
     block_rows : the order s asked about.
-    noise_floor : standard deviation of noise in the channels' units, one number or one a channel. None: estimated from
+    noise_floor : standard deviation of noise in the channels' units, one number or one per channel. None: estimated from
         the differences between whole periods when the data repeat, else what rounding may be, RANK_TOLERANCE of the rms.
 
     Raises

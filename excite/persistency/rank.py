@@ -12,8 +12,9 @@ through the whole space. A vector polynomial p(z) = sum_i p_i z^i of degree belo
 matrix with s block rows exactly when sum_i p_i^T C A^i = 0; so that matrix has full row rank s nu exactly when
 C, CA, …, CA^(s-1) has, that is when s is at most the smallest observability index of (A, C). For a periodic record A is
 diagonal with the lines z_l = exp(2 pi i l / M) and C holds their DFT vectors U_l; then the indices of the nu channels add
-up to the number of lines L, whence order <= floor(L / nu), with equality for one channel: line counting (seed 002,
-4.0.4). Channels that share no line do not bear on each other, and the least of their line counts decides.
+up to the number of lines L, whence order <= floor(L / nu), with equality for one channel: line counting (Zaffalon and
+Hofmann, System Identification, ETH Zurich 2024, 4.0.4). Channels that share no line do not bear on each other, and the
+least of their line counts decides.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,15 +1,11 @@
-"""Records made fit for identification: gap-free parts, and what no method can use."""
+"""Gaps: a record with missing samples falls into gap-free parts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from excite.errors import ExciteError
 from excite.types.experiment import Experiment
-
-LARGEST, SMALLEST = 1e100, 1e-100  # magnitudes whose squares and their sums stay far from overflow and underflow
-PROPORTIONAL = 1e-9  # relative difference below which one channel is a multiple of another
-BEGINNING = 1000  # samples that as a rule clear a record of suspicion
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,61 +57,3 @@ def gap_free(data: tuple[Experiment, ...], shortest: int) -> GapFree:
         parts += [record.window(a, b) for a, b in kept]
         start.append(int(kept[0, 0]))
     return GapFree(tuple(parts), tuple(first), tuple(start), sum(map(len, data)), missing)
-
-
-def without_dead_time(data: tuple[Experiment, ...], samples: int) -> tuple[Experiment, ...]:
-    """Return y(t) beside u(t - samples), so that the input acts without that dead time; the first `samples` of y fall away."""
-    if samples == 0:
-        return data
-    if samples >= (shortest := min(map(len, data))):
-        raise ExciteError(f"input_delay {samples}: the shortest record has only {shortest} samples; give fewer")
-    return tuple(replace(record.window(samples), u=record.u[:-samples]) for record in data)
-
-
-def out_of_range(experiment: Experiment) -> str | None:
-    """Return which channel is too large or too small for double precision to square, or None."""
-    for values, channels in ((experiment.u, experiment.inputs), (experiment.y, experiment.outputs)):
-        beginning = np.abs(values[:BEGINNING]).max(0, initial=0.0)
-        if (beginning >= SMALLEST).all() and values.max(initial=0.0) <= LARGEST and values.min(initial=0.0) >= -LARGEST:
-            continue  # without a copy of the record; what follows finds the channel
-        for i, channel in enumerate(channels):
-            size = np.abs(values[:, i])
-            peak = np.fmax.reduce(size)
-            if peak > LARGEST:
-                return (
-                    f"channel '{channel.name}' passes {LARGEST:g} at sample {int(np.argmax(size > LARGEST))} and reaches "
-                    f"{peak:.3g}: a diverged run, whose squares overflow; keep the part before it grows"
-                )
-            if 0 < peak < SMALLEST:
-                return (
-                    f"channel '{channel.name}' stays below {SMALLEST:g}, so that its squares underflow; change its unit"
-                )
-    return None
-
-
-def proportional(parts: tuple[Experiment, ...]) -> str | None:
-    """Return which two inputs or two outputs are multiples of each other in every sample, or None."""
-    for key, role, remedy in (
-        ("u", "inputs", "their effects cannot be told apart; excite them independently or drop one"),
-        ("y", "outputs", "they say the same; drop one"),
-    ):
-        signals, channels = [getattr(part, key) for part in parts], getattr(parts[0], role)
-        if len(channels) > 1 and (pair := _proportional_columns(signals)):
-            names = " and ".join(f"'{channels[i].name}'" for i in pair)
-            return f"{role} {names} are multiples of each other in every sample, so that {remedy}"
-    return None
-
-
-def _proportional_columns(signals: list[np.ndarray]) -> tuple[int, int] | None:
-    if len(signals[0]) > BEGINNING and _proportional_columns([signals[0][:BEGINNING]]) is None:
-        return None  # what differs there is not proportional anywhere
-    gram = sum(w.T @ w for w in signals)
-    norm = np.sqrt(np.diag(gram))
-    size = np.where(norm > 0, norm, 1.0)
-    alike = np.abs(gram / np.outer(size, size)) > 1 - PROPORTIONAL
-    for i, j in np.argwhere(np.triu(alike, 1)):
-        ratio = gram[i, j] / norm[i] ** 2
-        apart = sum(np.sum((w[:, j] - ratio * w[:, i]) ** 2) for w in signals)
-        if apart <= (PROPORTIONAL * norm[j]) ** 2:
-            return int(i), int(j)
-    return None

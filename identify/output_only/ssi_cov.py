@@ -6,13 +6,13 @@ from typing import ClassVar
 import numpy as np
 
 from excite.types.experiment import Experiment
-from identify.data.gaps import gap_free
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, experiments, order_or_gap
-from identify.output_only.output_only import OutputOnlyMethod, noise_model, output_only_estimate
+from identify.output_only.output_only import OutputOnlyMethod
 from identify.steps.compression import joint_segments
 from identify.steps.covariance import cross_covariance
-from identify.steps.hankel_svd import HankelSvd, era, hankel_of, hankel_svd
+from identify.steps.hankel_svd import HankelSvd, hankel_of, hankel_svd, onto
+from identify.steps.shift import Shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +36,24 @@ class SsiCov(OutputOnlyMethod):
     name: ClassVar[str] = "ssi_cov"
     summary: ClassVar[str] = "output only: realization of output covariances"
 
-    def prepare(self, data: Data) -> OutputCovariances:
-        """Covariances to lag 2 r."""
-        data = gap_free(experiments(data), self.span(1)).parts
-        segments = joint_segments(data)
-        R = cross_covariance([(y, y) for y in segments], 0, 2 * self.block_rows)
-        return OutputCovariances(data, R, hankel_svd(R[1:-1], self.block_rows))
+    def singular_values(self, factor: OutputCovariances) -> np.ndarray:
+        """Return those of the covariances' Hankel matrix."""
+        return factor.svd.values
 
-    def realize(self, factor: OutputCovariances, order: int | None) -> Estimate:
+    def compress(self, data: Records) -> OutputCovariances:
+        """Covariances to lag 2 r."""
+        parts = data.parts(self.span(1))
+        segments = joint_segments(parts)
+        R = cross_covariance([(y, y) for y in segments], 0, 2 * self.block_rows)
+        return OutputCovariances(parts, R, hankel_svd(R[1:-1], self.block_rows))
+
+    def realize(self, factor: OutputCovariances, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        values = factor.svd.values
-        n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
-        A, G, C = era(factor.svd, hankel_of(factor.R[2:], self.block_rows), n)
-        model, more = noise_model(factor.experiments[0], A, C, np.zeros((n, n)), factor.R[0], G)
-        return output_only_estimate(self.name, model, factor.experiments, values, warnings + more, path="covariances")
+        H = factor.svd
+        shift = Shift.of_pair(H, hankel_of(factor.R[2:], self.block_rows), order)
+        A, notes = self.dynamics(shift)
+        G = onto(A, shift.C, factor.R[1:]) if notes else H.delta(order)[:, : H.m]
+        noise = np.zeros((order, order)), factor.R[0], G
+        return self.completed(
+            factor.experiments, A, shift.C, noise, notes, singular_values=H.values, route="covariances"
+        )

@@ -7,12 +7,11 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.numerics.hankel import hankel_factor
-from identify.data.gaps import gap_free
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, experiments, order_or_gap
-from identify.output_only.output_only import OutputOnlyMethod, noise_model, output_only_estimate
+from identify.output_only.output_only import OutputOnlyMethod
 from identify.steps.compression import PastFuture, joint_segments, lq, regress
-from identify.steps.shift import shift_invariance
+from identify.steps.shift import Shift
 
 
 @dataclass(frozen=True)
@@ -27,30 +26,34 @@ class SsiData(OutputOnlyMethod):
     name: ClassVar[str] = "ssi_data"
     summary: ClassVar[str] = "output only: projection of future on past outputs"
 
-    def prepare(self, data: Data) -> PastFuture:
+    def compress(self, data: Records) -> PastFuture:
         """Compress past and future outputs."""
-        data, r = gap_free(experiments(data), self.span(1)).parts, self.block_rows
-        return PastFuture(hankel_factor(joint_segments(data), 2 * r), data, r, r)
+        parts, r = data.parts(self.span(1)), self.block_rows
+        return PastFuture(hankel_factor(joint_segments(parts), 2 * r), parts, r, r)
 
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+    def singular_values(self, factor: PastFuture) -> np.ndarray:
+        """Return those of the projection."""
+        return factor.once(self, self._projection)[1]
+
+    def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        r, ny = self.block_rows, factor.ny
+        r, ny, n = self.block_rows, factor.ny, order
         past, future = factor.y(0, r), factor.y(r, 2 * r)
-        left, values, _ = la.svd(lq(past, future)[1][0], full_matrices=False, check_finite=False)
-        n, warnings = order_or_gap(order, values, self.largest_order(factor.experiments))
+        left, values = factor.once(self, self._projection)
         gamma = left[:, :n] * np.sqrt(values[:n])
-        A, C = shift_invariance(gamma, ny)
+        shift = Shift.of_gamma(gamma, ny)
+        A, notes = self.dynamics(shift)
         to_state = la.lstsq(gamma, regress(future, past)[0], check_finite=False)[0]
         X, X_next = to_state @ past, to_state @ factor.y(1, r + 1)
-        residual = np.vstack([X_next - A @ X, future[:ny] - C @ X])
+        residual = np.vstack([X_next - A @ X, future[:ny] - shift.C @ X])
         cov = residual @ residual.T / factor.factor.columns
-        model, more = noise_model(factor.experiments[0], A, C, cov[:n, :n], cov[n:, n:], cov[:n, n:])
-        return output_only_estimate(
-            self.name,
-            model,
-            factor.experiments,
-            values,
-            warnings + more,
-            path=factor.factor.path,
-            condition=factor.factor.condition,
-        )
+        noise = cov[:n, :n], cov[n:, n:], cov[:n, n:]
+        known = {"condition": factor.factor.condition, "route": factor.factor.path}
+        return self.completed(factor.experiments, A, shift.C, noise, notes, singular_values=values, **known)
+
+    def _projection(self, factor: PastFuture) -> tuple[np.ndarray, np.ndarray]:
+        """Left singular vectors and singular values of Y_f / Y_p."""
+        r = self.block_rows
+        past, future = factor.y(0, r), factor.y(r, 2 * r)
+        left, values, _ = la.svd(lq(past, future)[1][0], full_matrices=False, check_finite=False)
+        return left, values

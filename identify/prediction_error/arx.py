@@ -5,13 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.errors import ExciteError
 from excite.models.polynomial import PolynomialModel
 from excite.numerics.hankel import hankel_factor, largest_rows
-from excite.types.experiment import Experiment
-from identify.data.gaps import gap_free
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, Method, experiments
+from identify.method import Method
 from identify.steps.compression import PastFuture, joint_segments, regress, require_excitation
 from identify.steps.initial_state import initial_state
 
@@ -26,36 +24,31 @@ class Arx(Method):
 
     name: ClassVar[str] = "arx"
     summary: ClassVar[str] = "least squares on lagged inputs and outputs; the order is the number of lags"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
+    order_is: ClassVar[str | None] = "lags"
 
     delay: int = field(default=1, metadata={"minimum": 0})
 
-    def required_excitation(self, order: int) -> int:
+    def required_excitation(self, order: int | None) -> int:
         """One for each lag of u."""
-        return order
+        return order or 1
 
-    def sufficient_excitation(self, order: int) -> int:
+    def sufficient_excitation(self, order: int | None) -> int:
         """Twice the lags: numerator and common denominator of an input-output model."""
-        return 2 * order
+        return 2 * (order or 1)
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Lags that leave at least as many equations as unknowns."""
-        return largest_rows(joint_segments(gap_free(experiments(data), 1).parts)) - self.delay
+        return largest_rows(joint_segments(data.parts(1))) - self.delay
 
-    def span(self, order: int) -> int:
+    def span(self, order: int | None) -> int:
         """The lags and the sample they explain."""
-        return order + max(self.delay, 1)
+        return (order or 1) + max(self.delay, 1)
 
-    def prepare(self, data: Data) -> tuple[Experiment, ...]:
-        """The data themselves: each order compresses its own few lags."""
-        return experiments(data)
-
-    def realize(self, factor: tuple[Experiment, ...], order: int | None) -> Estimate:
-        """Return the model with `order` lags."""
-        if order is None:
-            raise ExciteError("arx: give the order (number of lags)")
+    def realize(self, compressed: Records, order: int, data: Records) -> Estimate:
+        """Return the model with `order` lags; each order compresses its own few lags."""
         rows = self.span(order)
-        parts = gap_free(factor, rows).parts
+        parts = data.parts(rows)
         first = parts[0]
         nu, ny = first.u.shape[1], first.y.shape[1]
         H = hankel_factor(joint_segments(parts), rows)
@@ -72,5 +65,5 @@ class Arx(Method):
         model = PolynomialModel(
             a, b, first.dt, innovation_cov=residual @ residual.T / H.columns, inputs=first.inputs, outputs=first.outputs
         )
-        x0 = tuple(initial_state(model.to_state_space(), e, predictor=True) for e in parts)
-        return Estimate(model, self.name, order, x0=x0, condition=H.condition, path=H.path)
+        x0 = tuple(initial_state(model, e, predictor=True) for e in parts)
+        return Estimate(model, self.name, order, x0=x0, condition=H.condition, route=H.path)

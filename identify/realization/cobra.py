@@ -1,28 +1,28 @@
 """COBRA: realization from covariance functions, for open- and closed-loop data of any length."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
-from excite.errors import ExciteError, did_you_mean
-from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
-from identify.data.gaps import gap_free
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, Method, experiments, order_or_gap
 from identify.realization.shifted_data import (
     BIASED,
     ShiftedData,
     check_input_rows,
-    complete,
     covariance_input_matrices,
     covariances,
     reference_missing,
+    scatter,
     shifted_data,
 )
+from identify.state_space_method import StateSpaceMethod
+from identify.steps.completion import Inputs, complete
 from identify.steps.compression import joint_segments
-from identify.steps.hankel_svd import era, hankel_of
+from identify.steps.hankel_svd import hankel_of
+from identify.steps.shift import Shift
 
 INSTRUMENTS = ("auto", "inputs", "reference")
 
@@ -39,7 +39,7 @@ class CovarianceFunctions:
 
 
 @dataclass(frozen=True)
-class Cobra(Method):
+class Cobra(StateSpaceMethod):
     """Covariance-based realization (Miller and de Callafon; seed 001, chapter 5).
 
     R_u(tau) = E u(t + tau) xi(t)^T and R_y with an instrument xi that the noise does not reach obey the plant's own
@@ -63,36 +63,22 @@ class Cobra(Method):
     summary: ClassVar[str] = (
         "realization from covariance functions with an instrument; open and closed loop, long records"
     )
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     block_rows: int = 20
-    first_lag: int | None = None
-    last_lag: int | None = None
-    instrument: str = "auto"
+    first_lag: int | None = field(default=None, metadata={"minimum": -(10**9)})
+    last_lag: int | None = field(default=None, metadata={"minimum": -(10**9)})
+    instrument: str = field(default="auto", metadata={"choices": INSTRUMENTS})
     segments: int = 1
     feedthrough: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for key in ("first_lag", "last_lag"):
-            value = getattr(self, key)
-            if value is not None and (isinstance(value, bool) or not isinstance(value, int)):
-                raise ExciteError(f"{self.name}.{key}: {value!r}; give a whole number of samples, or leave it out")
-        if self.instrument not in INSTRUMENTS:
-            raise ExciteError(
-                f"{self.name}.instrument: {self.instrument!r}; {did_you_mean(str(self.instrument), INSTRUMENTS)}"
-            )
 
     def lags(self) -> tuple[int, int]:
         """First and last lag."""
         first = -self.block_rows if self.first_lag is None else self.first_lag
         return first, 2 * self.block_rows if self.last_lag is None else self.last_lag
 
-    def unsupported(self, data: Data) -> str | None:
+    def unsupported(self, data: Records) -> str | None:
         """Return why these data do not suit: no instrument, or fewer lags than block rows need."""
-        if reason := super().unsupported(data):
-            return reason
-        data = experiments(data)
         if self._uses_reference(data) and (reason := reference_missing(data)):
             accept = (
                 ""
@@ -102,7 +88,7 @@ class Cobra(Method):
             return reason + accept
         if self.largest_order(data) < 1:
             first, last = self.lags()
-            nu, m = data[0].u.shape[1], self._instruments(data)[0].shape[1]
+            nu, m = len(data.inputs), self._channels(data)
             needed = self.block_rows + -(-((self.block_rows + 1) * nu + 1) // m)
             return (
                 f"first_lag {first} to last_lag {last} are {max(0, last - first + 1)} lags; block_rows {self.block_rows} with "
@@ -111,63 +97,68 @@ class Cobra(Method):
             )
         return None
 
-    def span(self, order: int) -> int:
+    def span(self, order: int | None) -> int:
         """Samples that one product at every lag reaches over."""
         first, last = self.lags()
         return max(0, last) - min(0, first) + 1
 
-    def required_excitation(self, order: int) -> int:
+    def required_excitation(self, order: int | None) -> int:
         """Block rows of the input, r + 1, which are projected out."""
         return self.block_rows + 1
 
-    def sufficient_excitation(self, order: int) -> int:
+    def sufficient_excitation(self, order: int | None) -> int:
         """All lags and the order: then the covariances hold every trajectory of that length."""
         first, last = self.lags()
-        return last - first + 1 + order
+        return last - first + 1 + (order or 0)
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Columns left when the input rows are projected out, at most r ny."""
-        data = experiments(data)
         first, last = self.lags()
-        columns = (last - first + 1 - self.block_rows) * self._instruments(data)[0].shape[1]
-        return min(self.block_rows * data[0].y.shape[1], columns - (self.block_rows + 1) * data[0].u.shape[1])
+        columns = (last - first + 1 - self.block_rows) * self._channels(data)
+        return min(self.block_rows * len(data.outputs), columns - (self.block_rows + 1) * len(data.inputs))
 
-    def prepare(self, data: Data) -> CovarianceFunctions:
+    def singular_values(self, factor: CovarianceFunctions) -> np.ndarray:
+        """Return those of the projected block-Hankel matrix."""
+        return factor.shifted.svd.values
+
+    def compress(self, data: Records) -> CovarianceFunctions:
         """Covariance functions of all records over the lags."""
-        data = gap_free(experiments(data), self.span(1)).parts
-        joint_segments(data)  # refuses constant channels
-        instruments, (first, last) = self._instruments(data), self.lags()
-        R_u, R_y = covariances(data, instruments, first, last, self.segments)
-        check_input_rows(hankel_of(R_u, self.block_rows + 1), data, self.block_rows + 1)
-        return CovarianceFunctions(data, instruments, R_u, R_y, shifted_covariances(R_u, R_y, self.block_rows))
+        parts = data.parts(self.span(1))
+        joint_segments(parts)  # refuses constant channels
+        reference, (first, last) = self._uses_reference(data), self.lags()
+        instruments = tuple(e.reference if reference else e.u for e in parts)
+        R_u, R_y = covariances(parts, instruments, first, last, self.segments)
+        check_input_rows(hankel_of(R_u, self.block_rows + 1), parts, self.block_rows + 1)
+        return CovarianceFunctions(parts, instruments, R_u, R_y, shifted_covariances(R_u, R_y, self.block_rows))
 
-    def realize(self, factor: CovarianceFunctions, order: int | None) -> Estimate:
+    def realize(self, factor: CovarianceFunctions, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        data, first, shifted = factor.experiments, factor.experiments[0], factor.shifted
-        n, warnings = order_or_gap(order, shifted.svd.values, self.largest_order(data))
-        A, _, C = era(shifted.svd, shifted.shifted, n)
-        B, D = covariance_input_matrices(factor.R_u, factor.R_y, A, C, self.feedthrough)
-        model = StateSpaceModel(A, B, C, D, first.dt, inputs=first.inputs, outputs=first.outputs)
+        parts, shifted = factor.experiments, factor.shifted
+        shift = Shift.of_pair(shifted.svd, shifted.shifted, order)
+        A, notes = self.dynamics(shift)
+        B, D = covariance_input_matrices(factor.R_u, factor.R_y, A, shift.C, self.feedthrough)
         start, stop = self.lags()
         reference = self._uses_reference(data)
-        biased = not reference and any(e.loop.closed for e in data)
-        warnings += (BIASED,) * biased
+        biased = not reference and data.closed
+        products = sum(max(0, len(e) - self.span(order) + 1) for e in parts)
         return complete(
             self.name,
-            model,
-            shifted,
-            data,
-            None if biased else factor.instruments,
-            warnings,
-            path=f"covariances with {'the reference' if reference else 'the inputs'}, lags {start} to {stop}",
-            products=sum(max(0, len(e) - self.span(n) + 1) for e in data),
+            parts,
+            A,
+            shift.C,
+            inputs=Inputs(B, D),
+            uncertainty=scatter(shifted, parts, None if biased else factor.instruments, products),
+            singular_values=shifted.svd.values,
+            warnings=(*notes, *(BIASED,) * biased),
+            route=f"covariances with {'the reference' if reference else 'the inputs'}, lags {start} to {stop}",
         )
 
-    def _uses_reference(self, data: tuple[Experiment, ...]) -> bool:
-        return self.instrument == "reference" or (self.instrument == "auto" and any(e.loop.closed for e in data))
+    def _uses_reference(self, data: Records) -> bool:
+        return self.instrument == "reference" or (self.instrument == "auto" and data.closed)
 
-    def _instruments(self, data: tuple[Experiment, ...]) -> tuple[np.ndarray, ...]:
-        return tuple(e.reference if self._uses_reference(data) else e.u for e in data)
+    def _channels(self, data: Records) -> int:
+        """Channels of the instrument."""
+        return len(data.measured[0].references if self._uses_reference(data) else data.inputs)
 
 
 def shifted_covariances(R_u: np.ndarray, R_y: np.ndarray, rows: int) -> ShiftedData:

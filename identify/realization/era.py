@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from excite.errors import ExciteError
-from identify.method import Data, experiments
+from identify.data.records import Records
 from identify.realization.impulse_responses import ResponseFactor, ResponseMethod, impulse_responses, response_columns
-from identify.steps.hankel_svd import era, hankel_of, hankel_svd
+from identify.steps.hankel_svd import hankel_of, hankel_svd
+from identify.steps.shift import Shift
 
 
 @dataclass(frozen=True)
@@ -30,38 +28,31 @@ class Era(ResponseMethod):
 
     block_columns: int | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        given = self.block_columns
-        if given is not None and (isinstance(given, bool) or not isinstance(given, int) or given < 1):
-            raise ExciteError(f"era.block_columns: {given!r}; give a whole number of at least 1, or none for all")
-
-    def unsupported(self, data: Data) -> str | None:
+    def unsupported(self, data: Records) -> str | None:
         """Return why these data do not suit: no impulses or decays, or too short for the blocks."""
         if reason := super().unsupported(data):
             return reason
-        most = self.most_columns(experiments(data))
+        most = self.most_columns(data)
         if self.block_columns is not None and self.block_columns > most:
             return f"block_columns {self.block_columns} with block_rows {self.block_rows}: the records allow at most {most}"
         return None
 
-    def columns(self, data: Data) -> int:
+    def columns(self, data: Records) -> int:
         """Block columns of H(0)."""
-        return self.block_columns or self.most_columns(experiments(data))
+        return self.block_columns or self.most_columns(data)
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Rank of H(0)."""
-        data = experiments(data)
-        return min(self.block_rows * data[0].y.shape[1], self.columns(data) * response_columns(data))
+        return min(self.block_rows * len(data.outputs), self.columns(data) * response_columns(data.measured))
 
-    def prepare(self, data: Data) -> ResponseFactor:
+    def compress(self, data: Records) -> ResponseFactor:
         """Read the responses, factor H(0) and form H(1)."""
-        responses = impulse_responses(experiments(data))
+        responses = impulse_responses(data.measured)
         markov = responses.markov[: self.block_rows + self.columns(data)]
         return ResponseFactor(
             responses, hankel_svd(markov[:-1], self.block_rows), hankel_of(markov[1:], self.block_rows)
         )
 
-    def system(self, factor: ResponseFactor, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def shift(self, factor: ResponseFactor, order: int) -> Shift:
         """A from H(1)."""
-        return era(factor.svd, factor.shifted, order)
+        return Shift.of_pair(factor.svd, factor.shifted, order)

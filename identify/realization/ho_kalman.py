@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from identify.method import Data, experiments
+from identify.data.records import Records
 from identify.realization.impulse_responses import ResponseFactor, ResponseMethod, impulse_responses, response_columns
-from identify.steps.hankel_svd import hankel_svd, kung
+from identify.steps.hankel_svd import hankel_svd
+from identify.steps.shift import Shift
 
 
 @dataclass(frozen=True)
@@ -26,17 +25,16 @@ class HoKalman(ResponseMethod):
     summary: ClassVar[str] = "Kung's SVD realization of impulse responses or free decays; A from shift invariance"
     beyond: ClassVar[int] = 0
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Rank of H less the block row that the shift costs."""
-        data = experiments(data)
-        columns = self.most_columns(data) * response_columns(data)
-        return min((self.block_rows - 1) * data[0].y.shape[1], columns)
+        columns = self.most_columns(data) * response_columns(data.measured)
+        return min((self.block_rows - 1) * len(data.outputs), columns)
 
-    def prepare(self, data: Data) -> ResponseFactor:
+    def compress(self, data: Records) -> ResponseFactor:
         """Read the responses and factor H."""
-        responses = impulse_responses(experiments(data))
+        responses = impulse_responses(data.measured)
         return ResponseFactor(responses, hankel_svd(responses.markov, self.block_rows))
 
-    def system(self, factor: ResponseFactor, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def shift(self, factor: ResponseFactor, order: int) -> Shift:
         """A by shift invariance of Gamma."""
-        return kung(factor.svd, order)
+        return Shift.of_gamma(factor.svd.gamma(order), factor.svd.ny)

@@ -6,12 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
+from identify.data.records import Kind, Records
 from identify.estimate import Estimate
-from identify.method import Data, Method, experiments, order_or_gap
+from identify.state_space_method import StateSpaceMethod
+from identify.steps.completion import Inputs, complete
 from identify.steps.compression import joint_segments
-from identify.steps.hankel_svd import HankelSvd
+from identify.steps.hankel_svd import HankelSvd, onto
+from identify.steps.shift import Shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,60 +96,60 @@ class ResponseFactor:
 
 
 @dataclass(frozen=True)
-class ResponseMethod(Method):
+class ResponseMethod(StateSpaceMethod):
     """A method over the Hankel matrix of impulse responses or free decays.
 
     An impulse may have any height and instant; the record must be at rest before it. With decays alone the model has
     no input. Each decay's initial state is returned; that of an impulse record is zero.
     """
 
-    closed_loop: ClassVar[bool] = False
-    consumes: ClassVar[str] = "impulse responses"
+    takes: ClassVar[frozenset[Kind]] = frozenset({Kind.IMPULSES})
     beyond: ClassVar[int]  # parameters used beyond those of the Hankel matrix
 
     block_rows: int = field(default=20, metadata={"minimum": 2})
 
     @abstractmethod
-    def system(self, factor: ResponseFactor, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A, [B, x0 of each decay], C."""
+    def shift(self, factor: ResponseFactor, order: int) -> Shift:
+        """Return A and C."""
 
-    def most_columns(self, data: tuple[Experiment, ...]) -> int:
+    def most_columns(self, data: Records) -> int:
         """Block columns that the shortest record allows."""
-        return response_length(data) - self.beyond - self.block_rows + 1
+        return response_length(data.measured) - self.beyond - self.block_rows + 1
 
-    def unsupported(self, data: Data) -> str | None:
+    def singular_values(self, factor: ResponseFactor) -> np.ndarray:
+        """Return those of the Hankel matrix."""
+        return factor.svd.values
+
+    def unsupported(self, data: Records) -> str | None:
         """Return why these data do not suit: no impulses or decays, or too short for the block rows."""
-        data = experiments(data)
-        if reason := super().unsupported(data) or not_impulses(data):
+        if reason := not_impulses(data.measured):
             return reason
         if (columns := self.most_columns(data)) < 1:
             most = self.block_rows + columns - 1
             remedy = f"give at most {most}" if most > 1 else "record more samples"
             return (
-                f"block_rows {self.block_rows} leaves no Hankel column of responses {response_length(data)} samples long "
-                f"(the shortest record's, after its impulse); {remedy}"
+                f"block_rows {self.block_rows} leaves no Hankel column of responses {response_length(data.measured)} "
+                f"samples long (the shortest record's, after its impulse); {remedy}"
             )
         return None
 
-    def required_excitation(self, order: int) -> int:
-        """None: an impulse, or an initial state, is the excitation."""
-        return 0
-
-    def sufficient_excitation(self, order: int) -> int:
-        """None: an impulse, or an initial state, is the excitation."""
-        return 0
-
-    def realize(self, factor: ResponseFactor, order: int | None) -> Estimate:
+    def realize(self, factor: ResponseFactor, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        responses = factor.responses
-        first, nu = responses.experiments[0], responses.D.shape[1]
-        n, warnings = order_or_gap(order, factor.svd.values, self.largest_order(responses.experiments))
-        A, columns, C = self.system(factor, n)
-        inputs = first.inputs if nu else ()
-        model = StateSpaceModel(A, columns[:, :nu], C, responses.D, first.dt, inputs=inputs, outputs=first.outputs)
-        x0 = tuple(columns[:, c] if c >= nu else np.zeros(n) for c in responses.columns)
-        if first.inputs and not nu:
+        responses, nu, warnings = factor.responses, factor.responses.D.shape[1], ()
+        shift = self.shift(factor, order)
+        A, notes = self.dynamics(shift)
+        columns = onto(A, shift.C, responses.markov) if notes else factor.svd.delta(order)[:, : factor.svd.m]
+        x0 = tuple(columns[:, c] if c >= nu else np.zeros(order) for c in responses.columns)
+        if data.inputs and not nu:
             warnings += ("every input is zero throughout: these are free decays, and the model has no input",)
         if len(set(map(len, responses.experiments))) > 1:
             warnings += (f"the records' lengths differ; all were cut to {len(responses.markov)} samples of response",)
-        return Estimate(model, self.name, n, x0=x0, singular_values=factor.svd.values, warnings=warnings)
+        return complete(
+            self.name,
+            responses.experiments,
+            A,
+            shift.C,
+            inputs=Inputs(columns[:, :nu], responses.D, x0),
+            singular_values=factor.svd.values,
+            warnings=(*warnings, *notes),
+        )

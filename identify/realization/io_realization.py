@@ -1,31 +1,30 @@
 """Input-output realization: shift invariance in the output data, with an instrument against coloured noise."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from excite.errors import ExciteError, did_you_mean
-from excite.models.state_space import StateSpaceModel
 from excite.numerics.hankel import HankelFactor, hankel_factor
 from excite.types.experiment import Experiment
-from identify.data.gaps import gap_free
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, Method, experiments, order_or_gap
 from identify.realization.shifted_data import (
     BIASED,
     ShiftedData,
     check_input_rows,
-    complete,
     covariance_input_matrices,
     covariances,
     reference_missing,
+    scatter,
     shifted_data,
 )
+from identify.state_space_method import StateSpaceMethod
+from identify.steps.completion import Inputs, complete
 from identify.steps.compression import joint_segments, orthonormal
-from identify.steps.hankel_svd import era
 from identify.steps.input_matrices import input_matrices
 from identify.steps.kalman import spectral_radius
+from identify.steps.shift import Shift
 
 INSTRUMENTS = ("auto", "none", "past_inputs", "reference")
 
@@ -41,7 +40,7 @@ class ShiftedRecords:
 
 
 @dataclass(frozen=True)
-class IoRealization(Method):
+class IoRealization(StateSpaceMethod):
     """Realization by shift invariance in the output data (Miller and de Callafon; seed 001, chapter 4).
 
     Y_(0|r-1) = O X + T' U_(0|r) + V and Y_(1|r) = O A X + T U_(0|r) + V' are seen through an instrument Z that the
@@ -66,25 +65,15 @@ class IoRealization(Method):
 
     name: ClassVar[str] = "io_realization"
     summary: ClassVar[str] = "shift invariance in the output data with an instrument; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     block_rows: int = 20
     past: int = 20
-    instrument: str = "auto"
+    instrument: str = field(default="auto", metadata={"choices": INSTRUMENTS})
     feedthrough: bool = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.instrument not in INSTRUMENTS:
-            raise ExciteError(
-                f"{self.name}.instrument: {self.instrument!r}; {did_you_mean(str(self.instrument), INSTRUMENTS)}"
-            )
-
-    def unsupported(self, data: Data) -> str | None:
+    def unsupported(self, data: Records) -> str | None:
         """Return why these data do not suit: no reference, or too few of them, where it has to be the instrument."""
-        if reason := super().unsupported(data):
-            return reason
-        data = experiments(data)
         if self._instrument(data) == "reference" and (reason := reference_missing(data)):
             biased = (
                 ""
@@ -93,95 +82,95 @@ class IoRealization(Method):
             )
             return reason + biased
         if self.largest_order(data) < 1:
-            nu, m, rows = len(data[0].inputs), len(data[0].references), self.block_rows + 1
+            nu, m, rows = len(data.inputs), len(data.measured[0].references), self.block_rows + 1
             return (
                 f"{nu} inputs and {m} reference channels leave no order: past {self.past} is too short for {rows} rows of "
                 f"the inputs; give past at least {rows * nu // m + 1 - rows}, or record as many references as inputs"
             )
         return None
 
-    def span(self, order: int) -> int:
+    def span(self, order: int | None) -> int:
         """p + r + 1."""
         return self.past + self.block_rows + 1
 
-    def required_excitation(self, order: int) -> int:
+    def required_excitation(self, order: int | None) -> int:
         """Block rows of the input, r + 1, which are projected out."""
         return self.block_rows + 1
 
-    def sufficient_excitation(self, order: int) -> int:
+    def sufficient_excitation(self, order: int | None) -> int:
         """Order + p + r + 1: Willems' lemma for all trajectories of length p + r + 1."""
-        return order + self.span(order)
+        return (order or 0) + self.span(order)
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """r ny, and no more than the instrument's rows beyond those of the input."""
-        data = experiments(data)
-        rows, nu, ny = self.block_rows + 1, data[0].u.shape[1], data[0].y.shape[1]
+        rows, nu, ny = self.block_rows + 1, len(data.inputs), len(data.outputs)
         which = self._instrument(data)
         if which == "none":
             return self.block_rows * ny
-        m = nu if which == "past_inputs" else data[0].reference.shape[1]
+        m = nu if which == "past_inputs" else len(data.measured[0].references)
         return min(self.block_rows * ny, (self.past + rows) * m - rows * nu)
 
-    def prepare(self, data: Data) -> ShiftedRecords:
+    def singular_values(self, factor: ShiftedRecords) -> np.ndarray:
+        """Return those of the projected outputs."""
+        return factor.shifted.svd.values
+
+    def compress(self, data: Records) -> ShiftedRecords:
         """Compress the records, bring the instrument in, project the inputs out."""
-        data = gap_free(experiments(data), self.span(1)).parts
+        parts = data.parts(self.span(1))
         which, rows = self._instrument(data), self.block_rows + 1
         past = 0 if which == "none" else self.past
-        nu, ny = data[0].u.shape[1], data[0].y.shape[1]
-        segments, instruments = joint_segments(data), tuple(e.u for e in data)
+        nu, ny = len(data.inputs), len(data.outputs)
+        segments, instruments = joint_segments(parts), tuple(e.u for e in parts)
         if which == "reference":
-            instruments = tuple(e.reference for e in data)
+            instruments = tuple(e.reference for e in parts)
             segments = [np.hstack([w, z]) for w, z in zip(segments, instruments, strict=True)]
         hankel = hankel_factor(segments, past + rows)
         U = hankel.L[hankel.index(slice(0, nu), past, past + rows)]
         Y = hankel.L[hankel.index(slice(nu, nu + ny), past, past + rows)]
         if which == "none":
-            check_input_rows(U, data, rows)
-            return ShiftedRecords(data, None, hankel, shifted_data(U, Y, ny, len(hankel.L)))
+            check_input_rows(U, parts, rows)
+            return ShiftedRecords(parts, None, hankel, shifted_data(U, Y, ny, len(hankel.L)))
         m = instruments[0].shape[1]
         channels = slice(0, nu) if which == "past_inputs" else slice(nu + ny, None)
         Z = hankel.L[hankel.index(channels, 0, past + rows)]
         Z = Z.reshape(-1, m, len(hankel.L))[::-1].reshape(Z.shape)  # lags of v on z ascend as z moves back
         W, Q = orthonormal(Z)
         U, Y = U @ Q.T, Y @ Q.T
-        check_input_rows(U, data, rows)
+        check_input_rows(U, parts, rows)
         shifted = shifted_data(U, Y, ny, m)
-        return ShiftedRecords(data, instruments, hankel, replace(shifted, columns=W.T @ shifted.columns))
+        return ShiftedRecords(parts, instruments, hankel, replace(shifted, columns=W.T @ shifted.columns))
 
-    def realize(self, factor: ShiftedRecords, order: int | None) -> Estimate:
+    def realize(self, factor: ShiftedRecords, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        data, first, shifted = factor.experiments, factor.experiments[0], factor.shifted
-        n, warnings = order_or_gap(order, shifted.svd.values, self.largest_order(data))
-        A, _, C = era(shifted.svd, shifted.shifted, n)
+        parts, shifted = factor.experiments, factor.shifted
+        shift = Shift.of_pair(shifted.svd, shifted.shifted, order)
+        A, notes = self.dynamics(shift)
         reference = self._instrument(data) == "reference"
-        biased = not reference and any(e.loop.closed for e in data)
-        warnings += (BIASED,) * biased
-        x0 = None
+        biased = not reference and data.closed
+        notes += (BIASED,) * biased
         if reference or biased or spectral_radius(A) >= 1:
             if not (reference or biased):
-                warnings += (
-                    "A is not stable, so B and D were fitted to covariances with the input, not by simulation",
-                )
-            instruments = factor.instruments or tuple(e.u for e in data)
-            R_u, R_y = covariances(data, instruments, -self.past, 2 * self.block_rows)
-            B, D = covariance_input_matrices(R_u, R_y, A, C, self.feedthrough)
+                notes += ("A is not stable, so B and D were fitted to covariances with the input, not by simulation",)
+            instruments = factor.instruments or tuple(e.u for e in parts)
+            R_u, R_y = covariances(parts, instruments, -self.past, 2 * self.block_rows)
+            inputs = Inputs(*covariance_input_matrices(R_u, R_y, A, shift.C, self.feedthrough))
         else:
-            found = input_matrices(data, A, C, np.zeros((n, len(C))), self.feedthrough)
-            B, D, x0 = found.B, found.D, found.x0
-        model = StateSpaceModel(A, B, C, D, first.dt, inputs=first.inputs, outputs=first.outputs)
+            found = input_matrices(parts, A, shift.C, np.zeros(shift.C.T.shape), self.feedthrough)
+            inputs = Inputs(found.B, found.D, found.x0)
         return complete(
             self.name,
-            model,
-            shifted,
-            data,
-            None if biased else factor.instruments,
-            warnings,
-            x0=x0,
+            parts,
+            A,
+            shift.C,
+            inputs=inputs,
+            uncertainty=scatter(shifted, parts, None if biased else factor.instruments),
+            singular_values=shifted.svd.values,
+            warnings=notes,
             condition=factor.hankel.condition,
-            path=factor.hankel.path,
+            route=factor.hankel.path,
         )
 
-    def _instrument(self, data: tuple[Experiment, ...]) -> str:
+    def _instrument(self, data: Records) -> str:
         if self.instrument != "auto":
             return self.instrument
-        return "reference" if any(e.loop.closed for e in data) else "past_inputs"
+        return "reference" if data.closed else "past_inputs"

@@ -6,13 +6,14 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, experiments, order_or_gap
+from identify.steps.completion import Inputs
 from identify.steps.compression import PastFuture, require_excitation
-from identify.steps.hankel_svd import HankelSvd, era, hankel_of, hankel_svd
+from identify.steps.hankel_svd import HankelSvd, hankel_of, hankel_svd, onto
 from identify.steps.kalman import NOISE_FREE
-from identify.subspace.realize import complete
-from identify.subspace.subspace_method import DecomposingMethod
+from identify.steps.shift import Shift
+from identify.subspace.subspace_method import SubspaceMethod
 from identify.subspace.varx import varx
 
 
@@ -20,12 +21,13 @@ from identify.subspace.varx import varx
 class ObserverMarkov:
     """What all orders share: Hankel matrix of the weighted responses, and one sample later; their weights; D and E.
 
-    u_weight (nu,) : rms of u; e_weight (ny, ny) or (ny, 0) : Cholesky factor of the innovation covariance, no column
-    without noise.
+    markov (2 p, ny, …) : the weighted responses themselves; u_weight (nu,) : rms of u; e_weight (ny, ny) or (ny, 0) :
+    Cholesky factor of the innovation covariance, no column without noise.
     """
 
     svd: HankelSvd
     shifted: np.ndarray
+    markov: np.ndarray
     u_weight: np.ndarray
     e_weight: np.ndarray
     D: np.ndarray
@@ -33,7 +35,7 @@ class ObserverMarkov:
 
 
 @dataclass(frozen=True)
-class Okid(DecomposingMethod):
+class Okid(SubspaceMethod):
     """Observer/Kalman filter identification (Juang, Phan, Horta and Longman 1993).
 
     The Markov parameters of an observer, y(t) = sum_k C Ak^(k-1) [B - K D, K] [u; y](t-k) + D u(t) + e(t), follow from
@@ -49,7 +51,7 @@ class Okid(DecomposingMethod):
 
     name: ClassVar[str] = "okid"
     summary: ClassVar[str] = "observer/Kalman filter identification, realized by ERA; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
     extent: ClassVar[str] = "lags + 1"
 
     lags: int = 40
@@ -58,13 +60,17 @@ class Okid(DecomposingMethod):
         """(p, 1)."""
         return self.lags, 1
 
-    def required_excitation(self, order: int) -> int:
+    def required_excitation(self, order: int | None) -> int:
         """Lags of u and u itself must have full row rank."""
         return self.lags + 1
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Rows of the Hankel matrix."""
-        return self.lags * len(experiments(data)[0].outputs)
+        return self.lags * len(data.outputs)
+
+    def singular_values(self, factor: PastFuture) -> np.ndarray:
+        """Return those of the weighted Hankel matrix."""
+        return self.found(factor).svd.values
 
     def decompose(self, factor: PastFuture) -> ObserverMarkov:
         """Observer Markov parameters, and the Hankel matrices of the system's."""
@@ -79,26 +85,16 @@ class Okid(DecomposingMethod):
         e_weight = la.cholesky(cov, lower=True) if noisy else np.empty((len(Y), 0))
         weighted = np.concatenate([h[:, :, :nu] * u_weight, h[:, :, nu:] @ e_weight], axis=2)
         return ObserverMarkov(
-            hankel_svd(weighted[:-1], p), hankel_of(weighted[1:], p), u_weight, e_weight, arx.D, arx.E
+            hankel_svd(weighted[:-1], p), hankel_of(weighted[1:], p), weighted, u_weight, e_weight, arx.D, arx.E
         )
 
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+    def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        found, nu = self.found(factor), factor.nu
-        n, warnings = order_or_gap(order, found.svd.values, self.largest_order(factor.experiments))
-        A, BK, C = era(found.svd, found.shifted, n)
+        found, nu, H = self.found(factor), factor.nu, self.found(factor).svd
+        shift = Shift.of_pair(H, found.shifted, order)
+        A, notes = self.dynamics(shift)
+        BK = onto(A, shift.C, found.markov) if notes else H.delta(order)[:, : H.m]
         noisy = found.e_weight.size > 0
-        K = la.solve(found.e_weight.T, BK[:, nu:].T).T if noisy else np.zeros((n, factor.ny))
-        return complete(
-            self.name,
-            factor,
-            A,
-            C,
-            K,
-            found.E,
-            feedthrough=self.feedthrough,
-            predictor=self.uses_predictor(factor),
-            singular_values=found.svd.values,
-            warnings=warnings,
-            fitted=(BK[:, :nu] / found.u_weight, found.D),
-        )
+        K = la.solve(found.e_weight.T, BK[:, nu:].T).T if noisy else np.zeros((order, factor.ny))
+        inputs = Inputs(BK[:, :nu] / found.u_weight, found.D)
+        return self.completed(factor, A, shift.C, K, found.E, H.values, inputs, warnings=notes)

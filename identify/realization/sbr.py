@@ -7,14 +7,16 @@ from typing import ClassVar
 import numpy as np
 import scipy.linalg as la
 
-from excite.errors import ExciteError, did_you_mean
-from excite.models.state_space import StateSpaceModel
+from excite.errors import ExciteError
 from excite.numerics.simulate import observability
 from excite.types.experiment import Experiment
+from identify.data.records import Kind, Records
 from identify.estimate import Estimate, Status
-from identify.method import Data, Method, experiments, order_or_gap
+from identify.state_space_method import StateSpaceMethod
+from identify.steps.completion import Inputs, complete
 from identify.steps.compression import joint_segments, lq
-from identify.steps.hankel_svd import HankelSvd, era, hankel_of
+from identify.steps.hankel_svd import HankelSvd, hankel_of
+from identify.steps.shift import Shift
 
 FORMS = ("printed", "projected")
 
@@ -32,7 +34,7 @@ class StepFactor:
 
 
 @dataclass(frozen=True)
-class Sbr(Method):
+class Sbr(StateSpaceMethod):
     """Step-based realization (van Helmont et al. 1990; Miller and de Callafon 2009; seed 001, chapter 3).
 
     While the input is constant, Y = O_r X + T U has all columns of T U equal; without them Y = O_r (X - X_0) and, one
@@ -52,25 +54,20 @@ class Sbr(Method):
 
     name: ClassVar[str] = "sbr"
     summary: ClassVar[str] = "step-based realization; one or several steps"
-    closed_loop: ClassVar[bool] = False
-    consumes: ClassVar[str] = "step responses"
+    takes: ClassVar[frozenset[Kind]] = frozenset({Kind.STEPS})
 
     block_rows: int = field(default=20, metadata={"minimum": 2})
-    form: str = "projected"
+    form: str = field(default="projected", metadata={"choices": FORMS})
     feedthrough: bool = False
     at_rest: bool = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.form not in FORMS:
-            raise ExciteError(f"sbr.form: {self.form!r}; {did_you_mean(str(self.form), FORMS)}")
+    def singular_values(self, factor: StepFactor) -> np.ndarray:
+        """Return those of the Hankel matrix without its constant part."""
+        return factor.svd.values
 
-    def unsupported(self, data: Data) -> str | None:
+    def unsupported(self, data: Records) -> str | None:
         """Return why these data do not suit: no steps, or responses too short for the block rows."""
-        data = experiments(data)
-        if reason := super().unsupported(data):
-            return reason
-        longest = max((b - a for e in data for a, b in step_responses(e)), default=0)
+        longest = max((b - a for e in data.measured for a, b in step_responses(e)), default=0)
         if longest == 0:
             return "no record has a step: every input is zero throughout"
         if longest < self.block_rows + 2:
@@ -83,48 +80,42 @@ class Sbr(Method):
                 f"block_rows {self.block_rows} needs an input that stays constant for {self.block_rows + 2} samples after a "
                 f"step, and here it does so for {longest} at most; {remedy}"
             )
-        for j, channel in enumerate(data[0].inputs):
-            if not any(e.u[:, j].any() for e in data):
+        for j, channel in enumerate(data.inputs):
+            if not any(e.u[:, j].any() for e in data.measured):
                 return f"input '{channel.name}' has no step in any record; record one, or leave the channel out"
         return None
 
-    def required_excitation(self, order: int) -> int:
+    def required_excitation(self, order: int | None) -> int:
         """One: a step is persistently exciting of that order only; its transient excites the states."""
         return 1
 
-    def sufficient_excitation(self, order: int) -> int:
-        """As required: only transients excite, which no order of persistency counts."""
-        return 1
-
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Rank of the Hankel matrix without its constant part."""
-        data = experiments(data)
-        columns = sum(b - a - self.block_rows - 1 for e in data for a, b in self.long_enough(e))
-        return min(self.block_rows * data[0].y.shape[1], columns)
+        columns = sum(b - a - self.block_rows - 1 for e in data.measured for a, b in self.long_enough(e))
+        return min(self.block_rows * len(data.outputs), columns)
 
     def long_enough(self, experiment: Experiment) -> list[tuple[int, int]]:
         """Step responses that give the Hankel matrix at least one column and the first to subtract from it."""
         return [(a, b) for a, b in step_responses(experiment) if b - a >= self.block_rows + 2]
 
-    def prepare(self, data: Data) -> StepFactor:
+    def compress(self, data: Records) -> StepFactor:
         """Factor the Hankel matrices of all responses, side by side, without their constant parts."""
-        data = experiments(data)
-        outputs = joint_segments(tuple(replace(e, u=None, inputs=None) for e in data))
+        outputs = joint_segments(tuple(replace(e, u=None, inputs=None) for e in data.measured))
         ny, blocks = outputs[0].shape[1], []
-        for e, y in zip(data, outputs, strict=True):
+        for e, y in zip(data.measured, outputs, strict=True):
             for a, b in self.long_enough(e):
                 H = hankel_of(y[a:b, :, None], self.block_rows + 1)
                 blocks.append(H[:, 1:] - H[:, :1] if self.form == "printed" else H - H.mean(1, keepdims=True))
         ((L,),) = lq(np.hstack(blocks))
         left, values, right = la.svd(L[:-ny], full_matrices=False, check_finite=False)
-        return StepFactor(data, HankelSvd(left, values, right, ny, 1), L[ny:])
+        return StepFactor(data.measured, HankelSvd(left, values, right, ny, 1), L[ny:])
 
-    def realize(self, factor: StepFactor, order: int | None) -> Estimate:
+    def realize(self, factor: StepFactor, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        n, warnings = order_or_gap(order, factor.svd.values, self.largest_order(factor.experiments))
-        A, _, C = era(factor.svd, factor.shifted, n)
+        shift = Shift.of_pair(factor.svd, factor.shifted, order)
+        A, warnings = self.dynamics(shift)
         with np.errstate(over="ignore", invalid="ignore"):
-            B, D, x0, surplus = self.input_parameters(factor.experiments, A, C)
+            B, D, x0, surplus = self.input_parameters(factor.experiments, A, shift.C)
         if surplus:
             warnings += (
                 f"{surplus} combinations of B, D and x0 leave the outputs unchanged (a step recorded from its own "
@@ -137,13 +128,12 @@ class Sbr(Method):
                 f"{steps - used} of {steps} steps are held for fewer than block_rows + 2 = {self.block_rows + 2} samples: they "
                 "serve B, D and x0 alone",
             )
-        first = factor.experiments[0]
-        model = StateSpaceModel(A, B, C, D, first.dt, inputs=first.inputs, outputs=first.outputs)
-        return Estimate(
-            model,
+        return complete(
             self.name,
-            n,
-            x0=x0,
+            factor.experiments,
+            A,
+            shift.C,
+            inputs=Inputs(B, D, x0),
             singular_values=factor.svd.values,
             warnings=warnings,
             status=Status.SUSPECT if surplus else Status.OK,

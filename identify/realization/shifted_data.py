@@ -1,5 +1,6 @@
 """What realization from data and from covariances share: the instrument, the projection, and the way to a model."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,14 @@ from excite.errors import ExciteError
 from excite.models.state_space import StateSpaceModel
 from excite.persistency.certificate import certify
 from excite.types.experiment import Experiment
-from identify.estimate import Estimate
+from identify.data.records import Records
 from identify.steps.covariance import cross_covariance, smoothed_covariance
 from identify.steps.hankel_svd import HankelSvd
-from identify.steps.initial_state import initial_state
 from identify.steps.input_matrices import input_matrices
 from identify.steps.kalman import spectral_radius
-from identify.uncertainty.first_order import noise_weights, pole_uncertainty
+from identify.uncertainty.realization_poles import noise_weights, pole_uncertainty
+from identify.uncertainty.uncertainty import Uncertainty
+from identify.uncertainty.withheld import Withheld
 
 ROUNDING = 1e-13  # singular values below this fraction of the largest are rounding
 BIASED = "biased: feedback correlates the instrument with the noise; record the reference and take it as the instrument"
@@ -56,10 +58,10 @@ def check_input_rows(U: np.ndarray, experiments: tuple[Experiment, ...], rows: i
         )
 
 
-def reference_missing(data: tuple[Experiment, ...]) -> str | None:
+def reference_missing(data: Records) -> str | None:
     """Return why the reference cannot be the instrument, or None."""
-    for k, experiment in enumerate(data):
-        record = f"record {k}: " if len(data) > 1 else ""
+    for k, experiment in enumerate(data.measured):
+        record = data.place(k)
         if experiment.reference is None:
             return f"{record}no reference is recorded to be the instrument; name its channels as reference"
         if np.isnan(experiment.reference).any():
@@ -103,41 +105,21 @@ def covariance_input_matrices(
     return found.B, found.D
 
 
-def complete(
-    name: str,
-    model: StateSpaceModel,
-    shifted: ShiftedData,
-    experiments: tuple[Experiment, ...],
-    instruments: tuple[np.ndarray, ...] | None,
-    warnings: tuple[str, ...],
-    *,
-    path: str,
-    condition: float | None = None,
-    products: int = 1,
-    x0: tuple[np.ndarray, ...] | None = None,
-) -> Estimate:
-    """Return the estimate with its poles' uncertainty and, unless given, the x0 that each record's simulation fits best.
+def scatter(
+    shifted: ShiftedData, parts: tuple[Experiment, ...], instruments: tuple[np.ndarray, ...] | None, products: int = 1
+) -> Callable[[StateSpaceModel, tuple[np.ndarray, ...]], Uncertainty]:
+    """Return what tells the uncertainty of a model's poles, given the model and the initial states.
 
     instruments : (N_i, m) of each record, None where no instrument is free of the noise; products : how many each entry
     of H averages (1 where H holds sums).
     """
-    if x0 is None:
-        x0 = tuple(initial_state(model, e, predictor=False) for e in experiments)
-    uncertainty = None
-    if instruments is not None:
-        if spectral_radius(model.A) < 1:
-            weights = noise_weights(shifted.svd, model, shifted.columns) / products
-            uncertainty = pole_uncertainty(model, weights, list(zip(experiments, x0, instruments, strict=True)))
-        else:
-            warnings += ("no uncertainty: A is not stable, so that no simulation tells the noise",)
-    return Estimate(
-        model,
-        name,
-        model.order,
-        x0=x0,
-        singular_values=shifted.svd.values,
-        uncertainty=uncertainty,
-        warnings=warnings,
-        condition=condition,
-        path=path,
-    )
+
+    def tell(model: StateSpaceModel, x0: tuple[np.ndarray, ...]) -> Uncertainty:
+        if instruments is None:
+            return Withheld(model, "no instrument is free of the noise")
+        if spectral_radius(model.A) >= 1:
+            return Withheld(model, "A is not stable, so that no simulation tells the noise")
+        weights = noise_weights(shifted.svd, model, shifted.columns) / products
+        return pole_uncertainty(model, weights, list(zip(parts, x0, instruments, strict=True)))
+
+    return tell

@@ -39,6 +39,11 @@ class PastFuture:
         return self.memory[key]
 
     @property
+    def closed(self) -> bool:
+        """Whether some record was taken in closed loop."""
+        return any(e.loop.closed for e in self.experiments)
+
+    @property
     def nu(self) -> int:
         """Number of inputs."""
         return self.experiments[0].u.shape[1]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 
-from identify.steps.shift import shift_invariance
+from excite.numerics.simulate import observability
 
 
 def hankel_of(markov: np.ndarray, rows: int) -> np.ndarray:
@@ -43,15 +43,7 @@ def hankel_svd(markov: np.ndarray, rows: int) -> HankelSvd:
     return HankelSvd(*la.svd(hankel_of(markov, rows), full_matrices=False, check_finite=False), *markov.shape[1:])
 
 
-def kung(H: HankelSvd, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, C, Kung (1978): A by least squares from the shift of Gamma alone, which costs its last block row."""
-    A, C = shift_invariance(H.gamma(order), H.ny)
-    return A, H.delta(order)[:, : H.m], C
-
-
-def era(H: HankelSvd, shifted: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A, B, C, Juang and Pappa (1985): A = S^-1/2 U^T H' V S^-1/2, H' the Hankel matrix `shifted` by one sample."""
-    root = np.sqrt(H.values[:order])
-    inverse = np.divide(1.0, root, out=np.zeros_like(root), where=root > 0)  # nothing to read where H has no rank
-    A = inverse[:, None] * (H.left[:, :order].T @ shifted @ H.right[:order].T) * inverse
-    return A, H.delta(order)[:, : H.m], H.gamma(order)[: H.ny]
+def onto(A: np.ndarray, C: np.ndarray, markov: np.ndarray) -> np.ndarray:
+    """Return the input matrix (n, m) whose response C A^(k-1) (…) comes nearest to markov (count, ny, m), h_1 first."""
+    gamma = observability(A, C, len(markov)).reshape(-1, len(A))
+    return la.lstsq(gamma, markov.reshape(len(gamma), -1), check_finite=False)[0]

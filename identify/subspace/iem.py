@@ -24,7 +24,7 @@ class Iem(TwoHorizonMethod):
 
     name: ClassVar[str] = "iem"
     summary: ClassVar[str] = "innovation estimation; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of Gamma_f L_p Z_p."""

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from identify.examples import Example, white_output_noise
 from identify.steps.compression import PastFuture, future_lq, left_svd
-from identify.subspace.subspace_method import DecomposingMethod, Subspace
+from identify.subspace.subspace_method import Subspace, SubspaceMethod
 
 
 @dataclass(frozen=True)
-class Moesp(DecomposingMethod):
+class Moesp(SubspaceMethod):
     """Ordinary MOESP (Verhaegen and Dewilde 1992): no instrument.
 
     [U_f; W; Y_f] = L Q with W the instrument, here none: the range of what U_f leaves of Y_f, seen through W, is range
@@ -22,7 +23,6 @@ class Moesp(DecomposingMethod):
 
     name: ClassVar[str] = "moesp"
     summary: ClassVar[str] = "ordinary MOESP, no instrument; open loop, white output noise"
-    closed_loop: ClassVar[bool] = False
     seen: ClassVar[tuple[int, int]] = (1, 4)  # groups of Q in [U_f; U_p; Y_p; Y_f] = L Q that Y_f is seen through
 
     feedthrough: bool = True
@@ -31,6 +31,10 @@ class Moesp(DecomposingMethod):
     def horizons(self) -> tuple[int, int]:
         """(s, s)."""
         return self.block_rows, self.block_rows
+
+    def example(self, noise: float, length: int) -> Example | None:
+        """White noise on the outputs, which is all that this method stands without an instrument."""
+        return white_output_noise(noise, length) if type(self) is Moesp else None
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of the part of Y_f that the instrument explains beyond U_f."""

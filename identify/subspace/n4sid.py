@@ -1,16 +1,16 @@
 """N4SID and CVA: the oblique-projection methods of the unifying theorem, for open-loop data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 import scipy.linalg as la
 
-from excite.errors import ExciteError, did_you_mean
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import order_or_gap
+from identify.steps.completion import Inputs
 from identify.steps.compression import PastFuture, future_lq, orthonormal
-from identify.subspace.realize import complete
+from identify.steps.shift import Shift
 from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 from identify.subspace.system_equations import gain_of, system_equations
 
@@ -34,18 +34,10 @@ class N4sid(TwoHorizonMethod):
 
     name: ClassVar[str] = "n4sid"
     summary: ClassVar[str] = "oblique projection with the weights of the unifying theorem; open loop"
-    closed_loop: ClassVar[bool] = False
 
     feedthrough: bool = True
-    weight: str = "n4sid"
-    algorithm: str = "states"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for key, known in (("weight", WEIGHTS), ("algorithm", ALGORITHMS)):
-            value = getattr(self, key)
-            if value not in known:
-                raise ExciteError(f"{self.name}.{key}: {value!r}; {did_you_mean(str(value), known)}")
+    weight: str = field(default="n4sid", metadata={"choices": WEIGHTS})
+    algorithm: str = field(default="states", metadata={"choices": ALGORITHMS})
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of the weighted oblique projection."""
@@ -61,28 +53,16 @@ class N4sid(TwoHorizonMethod):
         gamma = coloring @ left if self.algorithm == "robust" else None
         return Subspace(values, left.T @ whitening, data.on_past, gamma)
 
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+    def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
         if self.algorithm == "states":
-            return super().realize(factor, order)
+            return super().realize(factor, order, data)
         found = self.found(factor)
-        n, warnings = order_or_gap(order, found.values, self.largest_order(factor.experiments))
-        solved = system_equations(factor, found.gamma[:, :n], self.feedthrough)
-        A, guarded = self.guard(solved.A, solved.C, self.future)
+        solved = system_equations(factor, found.gamma[:, :order], self.feedthrough)
+        A, notes = self.dynamics(Shift.of_states(solved.A, solved.C, solved.X, self.future))
         K, E = gain_of(A, solved, factor)
-        return complete(
-            self.name,
-            factor,
-            A,
-            solved.C,
-            K,
-            E,
-            feedthrough=self.feedthrough,
-            predictor=self.uses_predictor(factor),
-            singular_values=found.values,
-            warnings=warnings + guarded,
-            fitted=None if guarded else (solved.B, solved.D),
-        )
+        inputs = None if notes else Inputs(solved.B, solved.D)
+        return self.completed(factor, A, solved.C, K, E, found.values, inputs, warnings=notes)
 
 
 @dataclass(frozen=True)
@@ -95,4 +75,4 @@ class Cva(N4sid):
     name: ClassVar[str] = "cva"
     summary: ClassVar[str] = "canonical variate analysis: N4SID with its weight; open loop"
 
-    weight: str = "cva"
+    weight: str = field(default="cva", metadata={"choices": WEIGHTS})

@@ -22,7 +22,7 @@ class ParsimK(TwoHorizonMethod):
 
     name: ClassVar[str] = "parsim_k"
     summary: ClassVar[str] = "parsimonious predictor form; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of Gamma L_p Z_p."""

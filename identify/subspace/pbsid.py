@@ -23,7 +23,7 @@ class Pbsid(TwoHorizonMethod):
 
     name: ClassVar[str] = "pbsid"
     summary: ClassVar[str] = "optimised predictor-based subspace identification; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of Gamma L_p Z_p."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from identify.method import Data, experiments
+from identify.data.records import Records
 from identify.subspace.moesp import Moesp
 
 
@@ -19,6 +19,6 @@ class PiMoesp(Moesp):
     summary: ClassVar[str] = "MOESP with past inputs as instrument; open loop, output noise of any colour"
     seen: ClassVar[tuple[int, int]] = (1, 2)
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """At most as many as the instrument has rows."""
-        return min(super().largest_order(data), self.block_rows * len(experiments(data)[0].inputs))
+        return min(super().largest_order(data), self.block_rows * len(data.inputs))

@@ -25,7 +25,7 @@ class Ssarx(TwoHorizonMethod):
 
     name: ClassVar[str] = "ssarx"
     summary: ClassVar[str] = "state-space ARX with canonical correlations; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """Canonical correlations of Y~ and Z_p."""

@@ -1,18 +1,17 @@
 """SSinnov1: innovation estimation and structured least squares, for open- and closed-loop data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy.linalg as la
 
-from excite.numerics.simulate import observability
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, experiments, order_or_gap
+from identify.steps.completion import Inputs
 from identify.steps.compression import PastFuture
-from identify.steps.hankel_svd import HankelSvd, hankel_svd, kung
+from identify.steps.hankel_svd import HankelSvd, hankel_svd, onto
 from identify.steps.kalman import noise_free
-from identify.subspace.realize import complete
+from identify.steps.shift import Shift
 from identify.subspace.subspace_method import TwoHorizonMethod
 from identify.subspace.varx import varx
 
@@ -56,47 +55,31 @@ class Ssinnov1(TwoHorizonMethod):
 
     name: ClassVar[str] = "ssinnov1"
     summary: ClassVar[str] = "innovation estimation and structured least squares; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     stability_guard: bool = True
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """Rows, less one block for the shift, or columns of the Hankel matrix of future - 1 responses to u."""
-        first, rows = experiments(data)[0], self.future // 2
-        return max(1, min((rows - 1) * len(first.outputs), (self.future - rows) * len(first.inputs)))
+        rows = self.future // 2
+        return max(1, min((rows - 1) * len(data.outputs), (self.future - rows) * len(data.inputs)))
+
+    def singular_values(self, factor: PastFuture) -> np.ndarray:
+        """Return those of the Hankel matrix of the response."""
+        return self.found(factor).H.values
 
     def decompose(self, factor: PastFuture) -> InnovationResponse:
         """Impulse response of the ARX model."""
         arx = varx(factor, self.feedthrough)
         return InnovationResponse.of(arx.response(self.future)[1:], arx.D, arx.E)
 
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+    def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        found = self.found(factor)
-        n, warnings = order_or_gap(order, found.H.values, self.largest_order(factor.experiments))
-        A, B, C = kung(found.H, n)
-        A, guarded = self.guard(A, C, len(found.response))
-        if guarded:
-            B = self._onto(A, C, found.response)
+        found, H = self.found(factor), self.found(factor).H
+        shift = replace(Shift.of_gamma(H.gamma(order), H.ny), rows=len(found.response))
+        A, notes = self.dynamics(shift)
+        C, B = shift.C, onto(A, shift.C, found.response) if notes else H.delta(order)[:, : H.m]
         silent = noise_free(found.E, factor.y(factor.past, factor.past + 1))
-        K = np.zeros(C.T.shape) if silent else self._onto(A, C, found.noise)
-        closed = any(e.loop.closed for e in factor.experiments)
-        return complete(
-            self.name,
-            factor,
-            A,
-            C,
-            K,
-            found.E,
-            feedthrough=self.feedthrough,
-            predictor=closed,
-            singular_values=found.H.values,
-            warnings=warnings + guarded,
-            fitted=(B, found.D),
-        )
-
-    @staticmethod
-    def _onto(A: np.ndarray, C: np.ndarray, response: np.ndarray) -> np.ndarray:
-        """Return the input matrix whose response C A^(k-1) (…) comes nearest to the one given."""
-        gamma = observability(A, C, len(response)).reshape(-1, len(A))
-        return la.lstsq(gamma, response.reshape(len(gamma), -1))[0]
+        K = np.zeros(C.T.shape) if silent else onto(A, C, found.noise)
+        inputs = Inputs(B, found.D)
+        return self.completed(factor, A, C, K, found.E, H.values, inputs, predictor=factor.closed, warnings=notes)

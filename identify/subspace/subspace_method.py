@@ -1,21 +1,20 @@
 """What the subspace methods have in common: horizons, limits, the shared compressed data, and the way to a model."""
 
 from abc import abstractmethod
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg as la
 
 from excite.numerics.hankel import columns_of, largest_rows
-from identify.data.gaps import gap_free
+from identify.data.records import Records
 from identify.estimate import Estimate
-from identify.method import Data, Method, experiments, order_or_gap
+from identify.state_space_method import StateSpaceMethod
+from identify.steps.completion import Inputs, Noise, complete
 from identify.steps.compression import PastFuture, compress, regress
 from identify.steps.kalman import state_regression
-from identify.steps.regions import stable_dynamics
-from identify.steps.shift import shift_invariance
-from identify.subspace.realize import complete
+from identify.steps.shift import Shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,20 @@ class Subspace:
 
 
 @dataclass(frozen=True)
-class SubspaceMethod(Method):
-    """A method over past and future horizons; subclasses say what they are called in its literature."""
+class BlockHankel:
+    """The compression of all methods over these block rows of [u; y]: one triangular factor."""
+
+    past: int
+    future: int
+
+    def __call__(self, data: Records) -> PastFuture:
+        """Compress past + future block rows of the gap-free parts."""
+        return compress(data.parts(self.past + self.future), self.past, self.future)
+
+
+@dataclass(frozen=True)
+class SubspaceMethod(StateSpaceMethod):
+    """A method over past and future horizons; one decomposition serves all orders."""
 
     extent: ClassVar[str] = "past + future"  # what messages call the sum of the horizons
 
@@ -69,20 +80,30 @@ class SubspaceMethod(Method):
     def horizons(self) -> tuple[int, int]:
         """Return (past, future) in samples."""
 
+    @abstractmethod
+    def decompose(self, factor: PastFuture) -> Any:
+        """Return what all orders share: a Subspace, unless the method has a `realize` of its own."""
+
+    def found(self, factor: PastFuture) -> Any:
+        """The decomposition of these data, made at the first order asked for."""
+        return factor.once(self, self.decompose)
+
+    def singular_values(self, factor: PastFuture) -> np.ndarray:
+        """Return those of the decomposition."""
+        return self.found(factor).values
+
     def uses_predictor(self, factor: PastFuture) -> bool:
         """Fit B, D and x0 through the one-step predictor: the only consistent way where the loop is closed."""
-        return self.closed_loop or any(e.loop.closed for e in factor.experiments)
+        return self.consistent_in_closed_loop or factor.closed
 
-    def span(self, order: int) -> int:
+    def span(self, order: int | None) -> int:
         """past + future."""
         return sum(self.horizons())
 
-    def unsupported(self, data: Data) -> str | None:
-        """Return why these data do not suit: sampling, or too few columns for the horizons."""
-        if reason := super().unsupported(data):
-            return reason
+    def unsupported(self, data: Records) -> str | None:
+        """Return why these data do not suit: too few columns for the horizons."""
         rows = sum(self.horizons())
-        parts = gap_free(experiments(data), rows).parts
+        parts = data.parts(rows)
         channels = len(parts[0].inputs) + len(parts[0].outputs)
         columns = columns_of(parts, rows)
         if columns < rows * channels:
@@ -94,79 +115,71 @@ class SubspaceMethod(Method):
             )
         return None
 
-    def required_excitation(self, order: int) -> int:
+    def required_excitation(self, order: int | None) -> int:
         """Block rows of the future: U_f must have full row rank to be projected out."""
         return self.horizons()[1]
 
-    def sufficient_excitation(self, order: int) -> int:
+    def sufficient_excitation(self, order: int | None) -> int:
         """Order + past + future: Willems' lemma for all trajectories of length past + future."""
-        return order + sum(self.horizons())
+        return (order or 0) + sum(self.horizons())
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Records) -> int:
         """(future - 1) ny: one block row of the observability matrix is lost to the shift."""
         past, future = self.horizons()
-        first = experiments(data)[0]
-        return min((future - 1) * first.y.shape[1], past * (first.u.shape[1] + first.y.shape[1]))
+        nu, ny = len(data.inputs), len(data.outputs)
+        return min((future - 1) * ny, past * (nu + ny))
 
-    def factor_key(self) -> tuple:
-        """Methods with the same horizons and dead time share one factor."""
-        return ("past-future", *self.horizons(), self.input_delay)
+    @property
+    def compression(self) -> BlockHankel:
+        """Methods with the same horizons share one factor."""
+        return BlockHankel(*self.horizons())
 
-    def prepare(self, data: Data) -> PastFuture:
-        """Compress past + future block rows of [u; y]."""
-        return compress(gap_free(experiments(data), sum(self.horizons())).parts, *self.horizons())
-
-
-@dataclass(frozen=True)
-class DecomposingMethod(SubspaceMethod):
-    """A subspace method one decomposition of which serves all orders."""
-
-    stability_guard: bool = field(
-        default=False,
-        metadata={
-            "meaning": "replace an unstable A by a stable one (Maciejowski 1995); not for unstable or integrating plants"
-        },
-    )
-
-    @abstractmethod
-    def decompose(self, factor: PastFuture) -> Any:
-        """Return what all orders share: a Subspace, unless the method has a `realize` of its own."""
-
-    def realize(self, factor: PastFuture, order: int | None) -> Estimate:
+    def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        found = self.found(factor)
-        n, warnings = order_or_gap(order, found.values, self.largest_order(factor.experiments))
-        now, J = factor.past, found.to_state(n)
+        found, now, n = self.found(factor), factor.past, order
+        J = found.to_state(n)
+        X = J @ factor.z()
         A, C, K, E = state_regression(
-            J @ factor.z(), J @ factor.z(1), factor.u(now, now + 1), factor.y(now, now + 1), self.feedthrough
+            X, J @ factor.z(1), factor.u(now, now + 1), factor.y(now, now + 1), self.feedthrough
         )
-        if found.gamma is not None:
-            A, C = shift_invariance(found.gamma[:, :n], factor.ny)
-        A, guarded = self.guard(A, C, factor.future)
+        if found.gamma is None:
+            shift = Shift.of_states(A, C, X, factor.future)
+        else:
+            shift = Shift.of_gamma(found.gamma[:, :n], factor.ny)
+        A, notes = self.dynamics(shift)
+        return self.completed(factor, A, shift.C, K, E, found.values, warnings=notes)
+
+    def completed(
+        self,
+        factor: PastFuture,
+        A: np.ndarray,
+        C: np.ndarray,
+        K: np.ndarray,
+        E: np.ndarray,
+        values: np.ndarray,
+        inputs: Inputs | None = None,
+        **options: Any,
+    ) -> Estimate:
+        """Return the estimate from A, C, K and compressed innovation rows E (ny, …), whose covariance is the noise's."""
         return complete(
             self.name,
-            factor,
+            factor.experiments,
             A,
             C,
-            K,
-            E,
+            noise=Noise(K, E @ E.T / factor.factor.columns),
+            inputs=inputs,
             feedthrough=self.feedthrough,
-            predictor=self.uses_predictor(factor),
-            singular_values=found.values,
-            warnings=warnings + guarded,
+            predictor=options.pop("predictor", self.uses_predictor(factor)),
+            circular=factor.circular if inputs is None else None,
+            singular_values=values,
+            condition=factor.factor.condition,
+            route=factor.factor.path,
+            **options,
         )
-
-    def guard(self, A: np.ndarray, C: np.ndarray, rows: int) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Return A, stable where the setting asks for it, and a warning where it was changed."""
-        return stable_dynamics(A, C, rows) if self.stability_guard else (A, ())
-
-    def found(self, factor: PastFuture) -> Any:
-        """The decomposition of these data, made at the first order asked for."""
-        return factor.once((self.name, *asdict(self).values()), self.decompose)
 
 
 @dataclass(frozen=True)
-class TwoHorizonMethod(DecomposingMethod):
+class TwoHorizonMethod(SubspaceMethod):
     """A method with a past and a future horizon."""
 
     past: int = field(default=20, metadata={"meaning": "past horizon p in samples"})

@@ -12,7 +12,7 @@ from identify.steps.kalman import noise_free
 
 @dataclass(frozen=True, eq=False)
 class SystemEquations:
-    """A, B, C, D, and rows W (n, …), V (ny, …) of the equations' residuals: process and measurement noise."""
+    """A, B, C, D, state rows X (n, …), and rows W (n, …), V (ny, …) of the residuals: process and measurement noise."""
 
     A: np.ndarray
     B: np.ndarray
@@ -20,6 +20,7 @@ class SystemEquations:
     D: np.ndarray
     W: np.ndarray
     V: np.ndarray
+    X: np.ndarray
 
 
 def system_equations(data: PastFuture, gamma: np.ndarray, feedthrough: bool) -> SystemEquations:
@@ -48,7 +49,7 @@ def system_equations(data: PastFuture, gamma: np.ndarray, feedthrough: bool) -> 
     D_B = fit_input_matrices(explained, inputs, AC @ inverse, inverse_next, gamma, ny, feedthrough)
     D, B = D_B[:ny], D_B[ny:]
     rest = rest - regress(rest, U)[0] @ U
-    return SystemEquations(A, B, C, D, rest[:n], rest[n:])
+    return SystemEquations(A, B, C, D, rest[:n], rest[n:], X)
 
 
 def projected(Y: np.ndarray, *on: np.ndarray) -> np.ndarray:

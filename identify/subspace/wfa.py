@@ -24,7 +24,7 @@ class Wfa(TwoHorizonMethod):
 
     name: ClassVar[str] = "wfa"
     summary: ClassVar[str] = "whitening filter approach, predictor form row by row; open and closed loop"
-    closed_loop: ClassVar[bool] = True
+    consistent_in_closed_loop: ClassVar[bool] = True
 
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of Gamma L_p Z_p."""

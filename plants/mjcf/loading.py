@@ -79,6 +79,21 @@ def _tried(path: Path, modified: int, size: int) -> mujoco.MjModel:
     return model
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """Return a model file and every file that it names, directly or through others, of those that are there."""
+    found, left, folder = {path.resolve()}, [path.resolve()], path.parent.resolve()
+    while left:
+        root = ElementTree.fromstring(left.pop().read_bytes())
+        folders = {".", *(v for e in root.iter("compiler") for key, v in e.attrib.items() if key.endswith("dir"))}
+        for element in root.iter():
+            for value in (v for key, v in element.attrib.items() if key.startswith("file")):
+                for target in {(folder / inside / value).resolve() for inside in folders}:
+                    if target.is_file() and target not in found:
+                        found.add(target)
+                        left += [target] if element.tag in SUBMODELS else []
+    return tuple(sorted(found))
+
+
 def _check(path: Path, folder: Path, above: tuple[Path, ...]) -> None:
     """Refuse a file, and those that it includes, for what they name rather than for what they do with it."""
     if path in above:

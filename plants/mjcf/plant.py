@@ -19,7 +19,7 @@ from plants.linear.actuator import Saturation
 from plants.linear.described import channels_of, feedback_of, limits_of, matrix_of
 from plants.linear.loop import DIVERGED, Dynamics, Feedback
 from plants.linear.plant import LinearPlant
-from plants.mjcf.loading import load_model
+from plants.mjcf.loading import files_of, load_model
 from plants.mjcf.truth import CONTROL, Trim, direct, find_trim, linearise, sensor_channels, sensor_names, state_names
 
 EXAMPLE = Path(__file__).with_name("example.xml")
@@ -58,6 +58,12 @@ class Mjcf(LinearPlant):
     model: mujoco.MjModel | None = None
     trim: Trim | None = None
     steps: int = 1
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The model file, where one was given, and all that it names."""
+        given = self.values["file"]
+        return files_of(Path(given)) if is_there(given) else ()
 
     def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view, good for small motions."""

@@ -1,25 +1,26 @@
 """excite compare."""
 
-import click
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
-from excite.errors import ExciteError, placed
-from scenarios.cli.common import (
-    ProgressLine,
-    assignments,
-    data_options,
-    json_option,
-    new_folder,
-    parse_orders,
-    print_json,
-    print_lines,
-    read_experiment,
-)
+import click
+
+from excite.errors import ExciteError
+from scenarios.cli.common import assignments, json_option, parse_methods, parse_orders
+from scenarios.cli.output import ProgressLine, new_folder, print_json, print_lines
+from scenarios.cli.reading import data_options, read_experiment
+
+if TYPE_CHECKING:
+    from identify.compare import Comparison
 
 
 @click.command()
 @click.argument("file", nargs=-1, required=True, type=click.Path())
-@click.option("--methods", required=True, metavar="A,B,…", help="Methods to compare.")
+@click.option(
+    "--methods",
+    required=True,
+    metavar="A,B,…",
+    help="Methods to compare; with settings of their own as ssarx(past=30).",
+)
 @click.option("--orders", default="2:6", show_default=True, metavar="2:10", help="Orders: 4, or 2,4,8, or 2:10.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Setting of every method that has it.")
 @click.option(
@@ -36,27 +37,18 @@ def compare(
     validation: str | None,
     folder: str,
     as_json: bool,
-    **reading: object,
+    **reading: Any,
 ) -> int:
-    """Fit several methods and orders to the data in FILEs and rank them by fit on validation data."""
-    from identify.estimate_json import estimate_to_dict
-    from identify.method import load_method, method_class
-    from identify.score import score
-    from scenarios.run.store import write_json
+    """Fit several methods and orders to the data in FILEs and rank them by fit on validation data.
 
-    names, wanted, options = (
-        [m.strip() for m in methods.split(",")],
-        parse_orders(orders),
-        assignments(settings, "--set"),
-    )
-    kinds = {name: method_class(name) for name in names}
-    for key in options:
-        if not any(key in kind.__dataclass_fields__ for kind in kinds.values()):
-            raise ExciteError(f"--set {key}: none of {', '.join(names)} has this setting")
-    chosen = {
-        name: load_method(name, **{k: v for k, v in options.items() if k in kind.__dataclass_fields__})
-        for name, kind in kinds.items()
-    }
+    Finished fits are kept in the folder: the same command goes on where it was interrupted.
+    """
+    from identify.compare import entries
+    from identify.settings import load_methods
+    from scenarios.run.comparing import compare_in_folder
+
+    wanted = parse_orders(orders)
+    chosen = entries(load_methods(parse_methods(methods), assignments(settings, "--set")), wanted)
     target = new_folder(folder)
     data = [read_experiment(path, **reading) for path in file]
     if validation is not None:
@@ -66,46 +58,44 @@ def compare(
     else:
         cut = 2 * len(data[-1]) // 3
         label, data[-1], judged = f"last third of {file[-1]}", data[-1].window(0, cut), data[-1].window(cut)
-    progress, rows, shared, models = ProgressLine(), [], {}, {}
-    pairs = [(name, n) for name in chosen for n in wanted]
-    for i, (name, n) in enumerate(pairs):
-        method = chosen[name]
-        row = {"method": name, "order": n, "values": {}, "reason": None}
-        try:
-            with placed(", ".join(file)):
-                estimate = method.fit(tuple(data), n, shared)
-            with placed(label):
-                result = score(estimate, judged)
-            row["values"] = result.values
-            models[f"{name}-n{n}.json"] = estimate_to_dict(estimate, result.per_output)
-        except ExciteError as error:
-            row["reason"] = str(error)
-        rows.append(row)
-        progress("identifying", i + 1, len(pairs))
-    rows.sort(key=lambda row: -np.nan_to_num(row["values"].get("fit_simulation_unclipped", np.nan), nan=-np.inf))
-    report = {"schema_version": 1, "validation": label, "rank_by": "fit_simulation", "rows": rows}
-    for name, model in models.items():
-        write_json(target / name, model)
-    write_json(target / "comparison.json", report)
+    line = ProgressLine()
+    try:
+        found, report = compare_in_folder(
+            target, chosen, data, judged, place=label, progress=lambda done, total: line("identifying", done, total)
+        )
+    except KeyboardInterrupt:
+        click.echo(f"\n{target}: finished fits are kept; the same command goes on from there", err=True)
+        raise
     if as_json:
         print_json(report)
     else:
-        print_lines([f"validation: {label}", *_table(rows)])
-    return 0 if models else 2
+        old = [f"old: not asked for this time: {', '.join(report['old'])}"] if report["old"] else []
+        print_lines([f"validation: {label}", *_table(found), *old])
+    for row in found.rows:
+        for failure in row.failures:
+            if failure.traceback:
+                reason = f"{failure.reason} (the traceback is in {target / 'comparison.json'})"
+                click.echo(f"warning: {row.title}: {reason}", err=True)
+    return 2 if found.failed else 0
 
 
-def _table(rows: list[dict]) -> list[str]:
+def _table(found: "Comparison") -> list[str]:
+    """Return the table of all metrics with a value in some row; below it, why the others have none."""
+    from excite.words import NONE, number
+    from identify.metrics.registry import metrics_at
+    from identify.score import by_reason
     from scenarios.report.tables import to_text
 
-    shown = ("fit_simulation", "fit_one_step", "vaf_simulation", "vaf_one_step")
-    good = [row for row in rows if row["reason"] is None]
-    text = [
-        [str(i + 1), row["method"], str(row["order"]), *(_number(row["values"].get(name)) for name in shown)]
-        for i, row in enumerate(good)
-    ]
-    failed = [f"{row['method']} n={row['order']} failed: {row['reason']}" for row in rows if row["reason"] is not None]
-    return [*to_text(["rank", "method", "order", *(f"{name} %" for name in shown)], text).splitlines(), *failed]
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.2f}"
+    good = [row for row in found.rows if row.estimates]
+    shown = [metric for metric in metrics_at(()) if any(metric.name in row.summary for row in good)]
+    text, notes = [], []
+    for i, row in enumerate(good):
+        values = [row.statistics(metric.name)["median"] for metric in shown]
+        cells = [number(metric.scale * value, metric.decimals) for metric, value in zip(shown, values, strict=True)]
+        rank = NONE if row.reason is not None else str(i + 1)
+        text.append([rank, row.label, NONE if row.order is None else str(row.order), *cells])
+        lacking = {metric.name: row.reasons[metric.name] for metric in shown if metric.name not in row.summary}
+        notes += [f"{row.title}: no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
+    failed = [f"{row.title} failed: {row.reason}" for row in found.rows if not row.estimates]
+    headers = ["rank", "method", "order", *(f"{metric.name} {metric.unit}" for metric in shown)]
+    return [*to_text(headers, text).splitlines(), *notes, *failed]

@@ -3,16 +3,22 @@
 import inspect
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import click
 
-from excite import files
 from excite.errors import ExciteError, did_you_mean, placed
+from excite.files import load_signal, save_signal
+from excite.files.toml import read_toml
 from excite.generators import GENERATORS
-from excite.proposal.proposal import KINDS, Knowledge, knowledge_of
+from excite.limits.limits import Limits, load_limits
+from excite.limits.played import Played, prepare
+from excite.proposal.knowledge import Knowledge, knowledge_of
+from excite.proposal.proposal import KINDS
 from excite.proposal.proposal import propose as propose_design
-from scenarios.cli.common import json_option, new_file, print_json, print_lines, toml_value
-from scenarios.cli.playing import Played, limits_option, plot_later, plot_option, prepare, read_toml
+from excite.types.signal import Signal
+from scenarios.cli.common import json_option, limits_option, plot_option, toml_value
+from scenarios.cli.output import new_file, played_lines, plot_later, print_json, print_lines
 from scenarios.scenario.spec import play, read_excitation
 from scenarios.scenario.toml_table import TomlTable, at_least
 
@@ -59,22 +65,28 @@ def _play(name: str) -> Callable:
         new_file(out)
         draw = plot_later(plot)
         parameters = {key: toml_value(text) for key, text in given.items() if text is not None}
-        _write(out, prepare(GENERATORS[name](**parameters), limits, block_rows), as_json, {}, [])
-        draw(files.load_signal(out), limits)
+        bounds = None if limits is None else load_limits(limits)
+        _write(out, _prepared(GENERATORS[name](**parameters), limits, bounds, block_rows), as_json, {}, [])
+        draw(load_signal(out), bounds)
         return 0
 
     return command
 
 
+def _prepared(signal: Signal, file: str | None, limits: Limits | None, block_rows: int) -> Played:
+    with placed(file) if file else nullcontext():
+        return prepare(signal, limits, block_rows)
+
+
 def _write(out: str, played: Played, as_json: bool, more: dict, lines: list[str]) -> None:
     signal = played.signal
-    files.save_signal(signal, out, certificate=played.certificate.to_dict())
+    save_signal(signal, out, certificate=played.certificate.to_dict())
     if as_json:
         print_json({"schema_version": 1, "file": out, **more, **played.to_dict()})
         return
     kind = "signal" if signal.recipe is None else signal.recipe.kind
     print_lines([f"{out}: {kind}, {len(signal.u)} samples of {signal.dt:g} s, {len(signal.channels)} channels"])
-    print_lines([*lines, *played.lines()])
+    print_lines([*lines, *played_lines(played)])
 
 
 @click.command()
@@ -83,7 +95,7 @@ def _write(out: str, played: Played, as_json: bool, more: dict, lines: list[str]
 @click.option("--settling-s", type=float, help="Time in which responses die out, s.")
 @click.option("--limit", type=float, required=True, help="Peak that the input may reach.")
 @click.option("--noise", type=float, default=0.0, help="Rms of the output noise.")
-@click.option("--gain", type=float, default=1.0, show_default=True, help="Output units a unit of input.")
+@click.option("--gain", type=float, default=1.0, show_default=True, help="Output units per unit of input.")
 @click.option("--model", type=click.Path(), help="Model of the last experiment (JSON), instead of the four above.")
 @click.option("--dt", type=float, help="Sampling time when it is given, s; checked against aliasing.")
 @click.option("--channels", type=click.IntRange(1), default=1, show_default=True, help="Number of inputs.")
@@ -107,7 +119,9 @@ def propose(
     if model is not None:
         from identify.estimate_json import load_estimate
 
-        known = knowledge_of(load_estimate(model).model.to_state_space(), limit)
+        estimate = load_estimate(model)
+        with placed(model):
+            known = knowledge_of(estimate.model, limit)
     elif bandwidth_hz is None or settling_s is None:
         raise ExciteError("propose: give --bandwidth-hz and --settling-s, or --model from the last experiment")
     else:
@@ -120,7 +134,7 @@ def propose(
     ]
     lines = [*reasons, *(f"warning: {warning}" for warning in proposal.warnings)]
     more = {"kind": kind, "parameters": proposal.parameters, "reasons": proposal.reasons, "warnings": proposal.warnings}
-    _write(out, prepare(GENERATORS[kind](**proposal.parameters), None), as_json, {"proposal": more}, lines)
+    _write(out, prepare(GENERATORS[kind](**proposal.parameters)), as_json, {"proposal": more}, lines)
     return 0
 
 
@@ -141,8 +155,9 @@ def parts(file: str, out: str, block_rows: int, limits: str | None, plot: str | 
     top.done()
     with placed(file):
         signal = play(chosen, channels, seed)
-    _write(out, prepare(signal, limits, block_rows), as_json, {}, [])
-    draw(files.load_signal(out), limits)
+    bounds = None if limits is None else load_limits(limits)
+    _write(out, _prepared(signal, limits, bounds, block_rows), as_json, {}, [])
+    draw(load_signal(out), bounds)
     return 0
 
 

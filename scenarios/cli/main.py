@@ -9,24 +9,28 @@ from typing import Any
 import click
 
 from excite.errors import ExciteError, did_you_mean
-from scenarios.cli import loading
+from scenarios.cli.loading import loading
 
-# One line adds a command: name -> "module:command". Modules load when their command is called.
-COMMANDS: dict[str, str] = {
-    "run": "scenarios.cli.run:run",
-    "design": "scenarios.cli.design:design",
-    "check": "scenarios.cli.signals:check",
-    "export": "scenarios.cli.signals:export",
-    "simulate": "scenarios.cli.signals:simulate",
-    "identify": "scenarios.cli.models:identify",
-    "score": "scenarios.cli.models:score",
-    "orders": "scenarios.cli.orders:orders",
-    "compare": "scenarios.cli.compare:compare",
-    "plants": "scenarios.cli.catalogue:plants",
-    "methods": "scenarios.cli.catalogue:methods",
-    "scenarios": "scenarios.cli.catalogue:scenarios",
-    "doctor": "scenarios.cli.doctor:doctor",
-}
+NAMES = (
+    "run",
+    "design",
+    "check",
+    "export",
+    "simulate",
+    "identify",
+    "score",
+    "orders",
+    "compare",
+    "plants",
+    "methods",
+    "scenarios",
+    "metrics",
+    "formats",
+    "guide",
+    "doctor",
+)
+# Each command is in the file of its name: name -> "module:command". Modules load when their command is called.
+COMMANDS: dict[str, str] = {name: f"scenarios.cli.{name}:{name}" for name in NAMES}
 BUG, INTERRUPTED = 70, 130
 
 

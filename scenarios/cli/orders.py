@@ -1,20 +1,19 @@
 """excite orders."""
 
+from dataclasses import asdict, fields
+from typing import Any
+
 import click
 import numpy as np
 
 from excite.errors import ExciteError, placed
-from identify.orders.orders import OrderTable
-from scenarios.cli.common import (
-    assignments,
-    data_options,
-    json_option,
-    new_file,
-    parse_orders,
-    print_json,
-    print_lines,
-    read_experiment,
-)
+from identify.orders.criteria import Criteria
+from identify.orders.table import OrderTable
+from scenarios.cli.common import assignments, json_option, parse_orders
+from scenarios.cli.output import new_file, print_json, print_lines, save_plot
+from scenarios.cli.reading import data_options, read_experiment
+
+CRITERION_KEYS = [field.name for field in fields(Criteria)]
 
 
 @click.command()
@@ -36,11 +35,11 @@ def orders(
     settings: tuple[str, ...],
     plot: str | None,
     as_json: bool,
-    **reading: object,
+    **reading: Any,
 ) -> int:
     """Say what speaks for each order: singular-value gap, information criteria, poles that stay from order to order."""
-    from identify.method import load_method
-    from identify.orders.orders import order_table
+    from identify.orders.table import order_table
+    from identify.registry import load_method
 
     if plot is not None:
         new_file(plot, *file)
@@ -51,10 +50,9 @@ def orders(
     if not table.chosen:
         raise ExciteError(f"{', '.join(file)}: no order of {wanted} could be fitted: {table.rows[0].reason}")
     if plot is not None:
-        from scenarios.report.order_figure import order_figure
-        from scenarios.report.signal_figure import save_figure
+        from identify.figures.orders import order_figure
 
-        save_figure(order_figure(method, table), plot)
+        save_plot(order_figure(method, table), plot)
     if as_json:
         print_json(_to_dict(method, table))
     else:
@@ -71,9 +69,7 @@ def _to_dict(method: str, table: OrderTable) -> dict:
             {
                 "order": row.order,
                 "gap": row.gap,
-                "aic": row.criteria.aic,
-                "bic": row.criteria.bic,
-                "parameters": row.criteria.parameters,
+                **(dict.fromkeys(CRITERION_KEYS) if row.criteria is None else asdict(row.criteria)),
                 "largest_pole_modulus": row.radius,
                 "reason": row.reason,
             }
@@ -99,8 +95,11 @@ def _to_dict(method: str, table: OrderTable) -> dict:
 def _lines(table: OrderTable) -> list[str]:
     from scenarios.report.tables import to_text
 
-    best_bic = min((row.criteria.bic for row in table.rows if np.isfinite(row.criteria.bic)), default=np.nan)
-    best_aic = min((row.criteria.aic for row in table.rows if np.isfinite(row.criteria.aic)), default=np.nan)
+    criteria = [row.criteria for row in table.rows if row.criteria is not None]
+    best_aic, best_bic = (
+        min((getattr(c, name) for c in criteria if np.isfinite(getattr(c, name))), default=np.nan)
+        for name in ("aic", "bic")
+    )
     rows = []
     for row in table.rows:
         mine = [p for p in table.poles if p.order == row.order]
@@ -109,8 +108,8 @@ def _lines(table: OrderTable) -> list[str]:
             [
                 str(row.order),
                 _number(row.gap),
-                _number(row.criteria.aic - best_aic),
-                _number(row.criteria.bic - best_bic),
+                _number(row.criteria and row.criteria.aic - best_aic),
+                _number(row.criteria and row.criteria.bic - best_bic),
                 _number(row.radius),
                 f"{len(stable)} of {len(mine)}" if mine else "",
                 row.reason or "",
@@ -119,10 +118,10 @@ def _lines(table: OrderTable) -> list[str]:
     headers = ["order", "s(n)/s(n+1)", "AIC above best", "BIC above best", "max |pole|", "modes that stay", "failed"]
     if not any(row[-1] for row in rows):
         headers, rows = headers[:-1], [row[:-1] for row in rows]
-    names = {"gap": "singular-value gap", "aic": "AIC", "bic": "BIC"}
+    names = {"gap": "singular-value gap", "aic": "AIC", "aicc": "AICc", "bic": "BIC"}
     chosen = ", ".join(f"{names[key]}: {order}" for key, order in table.chosen.items())
     return [*to_text(headers, rows).splitlines(), f"best order by {chosen}"]
 
 
-def _number(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:.4g}"
+def _number(value: float | None) -> str:
+    return "" if value is None or np.isnan(value) else f"{value:.4g}"

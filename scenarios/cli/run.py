@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from scenarios.cli.common import ProgressLine, json_option, print_json, print_lines
+from scenarios.cli.common import json_option
+from scenarios.cli.output import ProgressLine, print_json, print_lines
 
 
 @click.command()
@@ -21,21 +22,19 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
 
     A run that was interrupted goes on where it was when the same command is given again; --runs may change between.
     """
-    from scenarios.report.drawing import to_svg
-    from scenarios.report.figures import all_figures
+    from scenarios.report.figures import all_figures, rendered, write_figures
     from scenarios.report.page import write_report
-    from scenarios.report.text import summary_text
-    from scenarios.run.pipeline import run_scenario, to_json
-    from scenarios.run.store import write_text
+    from scenarios.report.text import failures, summary_text
+    from scenarios.run.results import to_json
+    from scenarios.run.run import run_scenario
     from scenarios.scenario.spec import load_scenario
 
     checked = load_scenario(scenario, runs)
     target = Path("runs") / checked.name if folder is None else Path(folder)
     try:
         result = run_scenario(checked, target, jobs, ProgressLine())
-        figures = {name: to_svg(figure) for name, figure in all_figures(result).items()}
-        for name, svg in figures.items():
-            write_text(target / "figures" / f"{name}.svg", svg)
+        figures = rendered(all_figures(result))
+        write_figures(figures, target / "figures")
         write_report(result, target / "report.html", figures)
     except KeyboardInterrupt:
         click.echo(f"\n{target}: finished pieces are kept; the same command goes on from there", err=True)
@@ -44,4 +43,9 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
         print_json(to_json(result))
     else:
         print_lines(summary_text(result))
+    for text in failures(result):
+        click.echo(f"warning: {text}", err=True)
+    if result.failed:
+        click.echo(f"excite: {target}: no method gave a model; see the reasons in the tables", err=True)
+        return 2
     return 0 if all(met for _, _, met in result.expectations) else 1

@@ -11,8 +11,10 @@ import tomli_w
 from excite.files.atomic import written
 from excite.types.channel import listed
 from excite.types.signal import Signal
-from scenarios.report.columns import LEGEND, NONE
-from scenarios.report.figures import VIEW_FIGURES, stems
+from excite.words import NONE
+from identify.compare import Comparison
+from scenarios.report.columns import columns_of, legend
+from scenarios.report.figures import Drawn, of_view, stems
 from scenarios.report.tables import certificate_text, expectations, ranking, true_poles
 from scenarios.report.verdict import summary
 from scenarios.run.results import RunResult, ViewResult
@@ -56,36 +58,21 @@ summary { cursor: pointer; color: var(--accent); }
 @media print { body { max-width: none; background: #fff; } figure, tr { break-inside: avoid; } }
 """
 
-CAPTIONS = {
-    "excitation": "Left: each channel over time. Right: its spectral lines. Where lines are missing or weak, little is "
-    "learnt about the plant.",
-    "ranking": "Median (dot), quartiles (thick line) and single runs (ticks) of the errors against the truth, on "
-    "logarithmic axes, best row first.",
-    "poles": "Poles of the truth (crosses) and of every run's estimate (dots) for the best order of each method, with "
-    "rays of constant damping ratio ζ. The dotted frame on the left is the view on the right.",
-    "bode": "Magnitude of the frequency response, truth dashed, first run of the best order of each method; below, the "
-    "relative error, median (line) and quartiles (shaded) over the runs. The band over which the score is taken is shaded.",
-    "outputs": "Left: the beginning of the validation run, measured and noise-free, with simulations driven by the "
-    "inputs of the noise-free run. Right: their errors over the whole run. Axes keep to the range of the data.",
-    "singular-values": "Singular values from which the order can be judged: a clear drop after the order is a good "
-    "sign, a gentle slope means that the data do not tell it.",
-}
 
-
-def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, str]) -> Path:
-    """Write the page with its figures, SVG by name."""
+def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, Drawn]) -> Path:
+    """Write the page with its figures, by file stem."""
     text = page(result, figures)
     with written(path) as temporary:
         Path(temporary).write_text(text, encoding="utf-8")
     return Path(path)
 
 
-def page(result: RunResult, figures: Mapping[str, str]) -> str:
+def page(result: RunResult, figures: Mapping[str, Drawn]) -> str:
     """Return the page as HTML."""
     name, names = result.scenario.name, stems(result)
     sections = [("summary", "Summary", _summary(result)), ("design", "Design", _design(result, figures))]
     for stem, view in zip(names, result.views, strict=True):
-        sections.append((f"view-{stem}", f"View {view.spec.name}", _view(view, stem, figures)))
+        sections.append((f"view-{stem}", f"View {view.name}", _view(view, stem, figures)))
     if result.expectations:
         sections.append(("expectations", "Expectations", _expectations(result)))
     sections.append(("metrics", "What the metrics tell, and what they cannot", _legend()))
@@ -110,58 +97,60 @@ def _summary(result: RunResult) -> str:
     first, *others = summary(result)
     lead = ""
     for k, text in enumerate(others):
-        name = result.views[k].spec.name if k < len(result.views) else ""
+        name = result.views[k].name if k < len(result.views) else ""
         lead += f"<p><strong>{escape(name)}</strong>{escape(text[len(name) :])}</p>"
     return f'<p>{escape(first)}</p><div class="lead">{lead}</div>'
 
 
-def _design(result: RunResult, figures: Mapping[str, str]) -> str:
-    html = _figure(figures, "excitation", "excitation", "Excitation of every channel over time, beside its spectrum")
+def _design(result: RunResult, figures: Mapping[str, Drawn]) -> str:
+    html = _figure(figures, "excitation", "Excitation of every channel over time, beside its spectrum")
     for warning in result.warnings:
         html += f'<p class="warning">{escape(warning)}</p>'
     for view in result.views:
-        name = view.spec.name
-        html += f"<h3>Design rule for {escape(name)}</h3>{_list(view.horizons.notes)}"
+        name = view.name
+        html += f"<h3>Design rule for {escape(name)}</h3>{_list(view.rule.notes)}"
         if name in result.certificates:
-            judged = "reference" if view.spec.roles.closed else "input"
+            judged = "reference" if view.view.roles.closed else "input"
             html += f"<h3>Certificate of the {judged} for {escape(name)}</h3>"
             html += _list(certificate_text(result.certificates[name]))
     return html
 
 
-def _view(view: ViewResult, stem: str, figures: Mapping[str, str]) -> str:
-    roles, name = view.spec.roles, view.spec.name
+def _view(view: ViewResult, stem: str, figures: Mapping[str, Drawn]) -> str:
+    roles, name, found = view.view.roles, view.name, view.comparison
     kind = (
         "in closed loop: the input depends on the output through feedback"
         if roles.closed
         else "inputs free of feedback"
     )
-    band = f", scored over {view.band_hz[0]:.3g} to {view.band_hz[1]:.3g} Hz" if view.band_hz else ""
+    band = f", scored over {found.band_hz[0]:.3g} to {found.band_hz[1]:.3g} Hz" if found.band_hz else ""
     html = f"<p>From {escape(listed(roles.inputs))} to {escape(listed(roles.outputs))}, {kind}; "
-    html += f"sampled every {view.dt * 1e3:.4g} ms{band}.</p>"
-    html += _ranking(view)
-    if warnings := _warnings(view):
+    html += f"sampled every {found.dt * 1e3:.4g} ms{band}.</p>"
+    html += _ranking(found)
+    if warnings := _warnings(found):
         html += f"<details><summary>Warnings of the methods ({len(warnings)})</summary>{_list(warnings)}</details>"
-    for key in VIEW_FIGURES:
-        html += _figure(figures, f"{stem}-{key}", key, f"{key.replace('-', ' ').capitalize()} in the view {name}")
-    if view.truth is not None:
-        valid = f"; {view.truth.valid_amplitude}" if view.truth.valid_amplitude else ""
-        html += _table(*true_poles(view), f"Poles of the truth ({view.truth.kind}{valid})")
-        if view.truth.parameters:
-            rows = [[key, f"{value:.6g}", unit] for key, (value, unit) in view.truth.parameters.items()]
+    for key in of_view(stem):
+        kind = key.removeprefix(f"{stem}-").replace("-", " ").capitalize()
+        html += _figure(figures, key, f"{kind} in the view {name}")
+    if found.truth is not None:
+        valid = f"; {found.truth.valid_amplitude}" if found.truth.valid_amplitude else ""
+        html += _table(*true_poles(found), f"Poles of the truth ({found.truth.kind}{valid})")
+        if found.truth.parameters:
+            rows = [[key, f"{value:.6g}", unit] for key, (value, unit) in found.truth.parameters.items()]
             table = _table(["parameter", "value", "unit"], rows, f"Parameters behind the truth of {name}")
             html += f"<details><summary>Parameters of the truth</summary>{table}</details>"
     return html
 
 
-def _ranking(view: ViewResult) -> str:
+def _ranking(found: Comparison) -> str:
     """Return the ranking as two tables that fit the page: errors against the truth, and fits to the validation data.
 
     A note stands below the method's name, where it cannot be overlooked.
     """
-    headers, rows = ranking(view)
+    headers, rows = ranking(found)
     notes = [row[-1] if headers[-1] == "note" else "" for row in rows]
-    fits = [k for k, header in enumerate(headers) if header.startswith(("fit", "below", "VAF"))]
+    fitted = {header for metric, header in zip(*columns_of(found), strict=True) if metric.needs_data}
+    fits = [k for k, header in enumerate(headers) if header in fitted]
     errors = [k for k in range(3, len(headers)) if k not in fits and headers[k] != "note"]
     html = ""
     for what, chosen in (("errors against the truth", errors), ("fits to the validation run", fits)):
@@ -169,18 +158,18 @@ def _ranking(view: ViewResult) -> str:
         if chosen:
             columns, shown = [0, 1, 2, *chosen], [notes[k] for k in kept]
             cells = [[rows[k][c] for c in columns] for k in kept]
-            caption = f"View {view.spec.name}, best method first: {what}, medians over the runs"
+            caption = f"View {found.name}, best method first: {what}, medians over the runs"
             html += _table([headers[c] for c in columns], cells, caption, lead=1, notes=shown)
     return html
 
 
-def _warnings(view: ViewResult) -> list[str]:
+def _warnings(found: Comparison) -> list[str]:
     """Distinct warnings of each row, with the number of runs that gave them."""
     counts: dict[str, int] = {}
-    for row in view.rows:
+    for row in found.rows:
         for estimate in row.estimates:
-            for warning in estimate.warnings if estimate is not None else ():
-                text = f"{row.label}: {warning}"
+            for warning in estimate.warnings:
+                text = f"{row.title}: {warning}"
                 counts[text] = counts.get(text, 0) + 1
     return [text + (f" ({count} runs)" if count > 1 else "") for text, count in counts.items()]
 
@@ -192,7 +181,7 @@ def _expectations(result: RunResult) -> str:
 
 def _legend() -> str:
     caption = "Methods are ranked by the geometric mean of the medians of the metrics that the scenario names"
-    return _table(["metric", "tells", "cannot tell"], LEGEND, caption)
+    return _table(["metric", "tells", "cannot tell"], legend(), caption)
 
 
 def _made(result: RunResult) -> str:
@@ -211,14 +200,16 @@ def _recipe(signal: Signal) -> str:
     return "" if recipe is None else ", ".join(f"{name} = {recipe[name]}" for name in recipe)
 
 
-def _figure(figures: Mapping[str, str], key: str, kind: str, alt: str) -> str:
+def _figure(figures: Mapping[str, Drawn], key: str, alt: str) -> str:
     if key not in figures:
         return ""
-    data = base64.b64encode(figures[key].encode("utf-8")).decode("ascii")
-    caption = CAPTIONS.get(kind, alt)
+    figure = figures[key].figure
+    data = base64.b64encode(figures[key].svg.encode("utf-8")).decode("ascii")
+    verdict, caption = escape(figure.verdict), escape(figure.caption)
+    said = f"<strong>{verdict}</strong> " if verdict else ""
     return (
-        f'<figure id="figure-{escape(key)}"><img alt="{escape(alt)}. {escape(caption)}" '
-        f'src="data:image/svg+xml;base64,{data}"><figcaption>{escape(caption)}</figcaption></figure>'
+        f'<figure id="figure-{escape(key)}"><img alt="{escape(alt)}. {verdict} {caption}" '
+        f'src="data:image/svg+xml;base64,{data}"><figcaption>{said}{caption}</figcaption></figure>'
     )
 
 

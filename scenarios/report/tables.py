@@ -5,90 +5,114 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from excite.models.model import Dynamic
+from excite.models.modes import continuous_poles
 from excite.persistency.certificate import Certificate
+from excite.words import NONE, number
+from identify.compare import Comparison, Row
 from identify.estimate import Status
-from identify.metrics.metrics import continuous_poles, pole_errors
-from scenarios.report.columns import NONE, Column, columns_of, complex_text, number
-from scenarios.report.rows import diverging, first_estimate, spread, trusted
-from scenarios.run.results import Row, RunResult, ViewResult
+from identify.metrics.metric import Metric, Need
+from identify.metrics.poles import pole_errors
+from identify.score import by_reason
+from scenarios.report.columns import columns_of, complex_text
+from scenarios.report.rows import diverging, first_estimate, trusted
+from scenarios.run.results import RunResult
 
 Table = tuple[list[str], list[list[str]]]
 
 
-def ranking(view: ViewResult, compact: bool = False) -> Table:
-    """Return the methods of one view, best first, below what the truth itself reaches; empty columns are dropped.
+def ranking(found: Comparison, compact: bool = False) -> Table:
+    """Return the methods of one comparison, best first, below what the truth itself reaches; empty columns are dropped.
 
     compact : only the columns that fit a terminal, with short headers and without the notes.
     """
-    columns, names = columns_of(view, compact)
-    rows, rank = _truth_rows(view, columns, compact), 0
-    for row in view.rows:
+    columns, names = columns_of(found, compact)
+    rows, rank = _truth_rows(found, columns, compact), 0
+    for row in found.rows:
         rank += row.reason is None
         cells = [_cell(row, c, compact and k > 0) for k, c in enumerate(columns)]
-        rows.append([str(rank) if row.reason is None else NONE, row.method, str(row.order), *cells, note(view, row)])
+        place, order = str(rank) if row.reason is None else NONE, NONE if row.order is None else str(row.order)
+        rows.append([place, row.label, order, *cells, note(found, row)])
     headers = ["rank", "method", "order", *names, "note"]
     keep = [k for k in range(len(headers) - compact) if k < 3 or any(row[k] not in (NONE, "") for row in rows)]
     return [headers[k] for k in keep], [[row[k] for k in keep] for row in rows]
 
 
-def _truth_rows(view: ViewResult, columns: Sequence[Column], compact: bool) -> list[list[str]]:
+def _truth_rows(found: Comparison, columns: Sequence[Metric], compact: bool) -> list[list[str]]:
     """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured run."""
-    if view.truth_score is None:
+    if found.truth_score is None:
         return []
-    fits = {m: v for m, v in view.truth_score.values.items() if m.startswith(("fit_", "vaf_"))}
-    floor = {m: v for m, v in fits.items() if m.startswith("fit_clean")}
-    measured = {m: v for m, v in fits.items() if m not in floor and m != "fit_below_floor"}
     names = (
         ("linearisation floor", "truth, measured")
         if compact
         else ("linearisation floor (noise-free truth)", "truth on the measured run")
     )
-    return [
-        ["", name, "", *(number(c.scale * known.get(c.metric, np.nan), c.decimals) for c in columns), ""]
-        for name, known in zip(names, (floor, measured), strict=True)
-    ]
+
+    def cell(metric: Metric, record: Need) -> str:
+        judged = record in metric.needs and not metric.needs_truth
+        value = found.truth_score.values.get(metric.name, np.nan) if judged else np.nan
+        return number(metric.scale * value, metric.decimals)
+
+    records = zip(names, (Need.CLEAN, Need.RECORD), strict=True)
+    return [["", name, "", *(cell(metric, record) for metric in columns), ""] for name, record in records]
 
 
-def _cell(row: Row, column: Column, plain: bool) -> str:
-    statistic = spread(row, column.metric)
-    texts = {k: number(column.scale * statistic[k], column.decimals) for k in ("median", "q25", "q75")}
-    if plain or not column.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
+def _cell(row: Row, metric: Metric, plain: bool) -> str:
+    statistic = row.statistics(metric.name)
+    texts = {k: number(metric.scale * statistic[k], metric.decimals) for k in ("median", "q25", "q75")}
+    if plain or not metric.quartiles or len(row.scores) < 2 or texts["median"] == NONE:
         return texts["median"]
     return f"{texts['median']} [{texts['q25']} {texts['q75']}]"
 
 
-def note(view: ViewResult, row: Row) -> str:
+def note(found: Comparison, row: Row) -> str:
     """Return what must be known about a row beside its numbers."""
-    if row.reason is not None:
-        failed = sum(s.reason is not None for s in row.scores)
-        return f"failed in {failed} of {len(row.scores)} runs: {row.reason}" if len(row.scores) > 1 else row.reason
-    notes = []
-    if view.spec.roles.closed and not row.closed_loop:
+    if row.failures:
+        count, reason = len(row.trials), row.failures[0].reason
+        return f"failed in {len(row.failures)} of {count} runs: {reason}" if count > 1 else reason
+    notes = [f"not ranked by {row.reason}"] if row.reason is not None else []
+    if found.closed and not row.consistent_in_closed_loop:
         notes.append("biased in closed loop")
-    unstable = sum(e is not None and e.status is Status.UNSTABLE for e in row.estimates)
+    unstable = sum(e.status is Status.UNSTABLE for e in row.estimates)
     if unstable:
         notes.append(f"unstable in {unstable} of {len(row.estimates)} runs")
     if count := diverging(row):
         notes.append(f"simulation diverges in {count} of {len(row.scores)} runs")
     for metric, text in (("poles_missing", "missing"), ("poles_surplus", "surplus")):
-        count = spread(row, metric)["median"]
+        count = row.statistics(metric)["median"]
         if count > 0:
             notes.append(f"{count:.0f} {text} pole{'s' if count > 1 else ''}")
-    return "; ".join(notes)
+    return "; ".join(notes + _without_value(found, row))
 
 
-def true_poles(view: ViewResult) -> Table:
+def _without_value(found: Comparison, row: Row) -> list[str]:
+    """Return which metrics that others have the row lacks, and why."""
+    lacking = {
+        metric.words(found.dt): row.reasons[metric.name]
+        for metric in columns_of(found)[0]
+        if metric.name in row.reasons and not _has_value(row, metric) and any(_has_value(r, metric) for r in found.rows)
+    }
+    return [f"no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
+
+
+def _has_value(row: Row, metric: Metric) -> bool:
+    return bool(np.isfinite(row.statistics(metric.name)["median"]))
+
+
+def true_poles(found: Comparison) -> Table:
     """Return the truth's poles (upper half plane) with what the trusted row's first run found for each."""
-    row = trusted(view)
+    row = trusted(found)
     estimate = first_estimate(row) if row is not None else None
+    if estimate is not None and not isinstance(estimate.model, Dynamic):
+        estimate = None  # a model without poles
     headers = ["kind", "pole [rad/s]", "|s| [rad/s]", "frequency [Hz]", "damping [–]", "time constant [s]"]
-    if view.truth is None:
+    if found.truth is None:
         return headers, []
-    z = view.truth.poles
-    matched = pole_errors(z, z if estimate is None else estimate.model.poles(), view.dt)
-    s, found = (continuous_poles(p, view.dt) for p in (matched.true, matched.estimated))
+    z = found.truth.poles
+    matched = pole_errors(z, z if estimate is None else estimate.model.poles(), found.dt)
+    s, s_hat = (continuous_poles(p, found.dt) for p in (matched.true, matched.estimated))
     if estimate is not None:
-        headers += [f"{row.label}, first run [rad/s]", "error [%]"]
+        headers += [f"{row.title}, first run [rad/s]", "error [%]"]
     rows = []
     for k in np.lexsort((s.imag, np.abs(s))):
         if s[k].imag < -1e-9 * max(abs(s[k]), 1):
@@ -100,7 +124,7 @@ def true_poles(view: ViewResult) -> Table:
         texts += [number(-s[k].real / size) if kind == "oscillatory" else NONE]
         texts += [number(-1 / s[k].real) if kind == "real" else NONE]
         if estimate is not None:
-            texts += [complex_text(found[k]), number(100 * matched.relative[k])]
+            texts += [complex_text(s_hat[k]), number(100 * matched.relative[k])]
         rows.append(texts)
     return headers, rows
 
@@ -108,7 +132,7 @@ def true_poles(view: ViewResult) -> Table:
 def expectations(result: RunResult) -> Table:
     """Return what the scenario expects, what came out, and whether it was met."""
     rows = [
-        [e.key, f"{e.comparison} {e.bound:g}", f"{value:.4g}", "met" if met else "missed"]
+        [e.key, f"{e.comparison} {e.bound:g}", NONE if np.isnan(value) else f"{value:.4g}", "met" if met else "missed"]
         for e, value, met in result.expectations
     ]
     return ["expectation", "bound", "value", "verdict"], rows

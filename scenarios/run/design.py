@@ -11,7 +11,11 @@ from excite.types.experiment import Experiment
 from excite.types.recording import Recording
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from identify.method import Method, method_class
+from identify.compare import Entry, entries
+from identify.data.records import Kind, Records
+from identify.fit import check
+from identify.method import Method
+from identify.registry import method_class
 from scenarios.scenario.sampling_rule import Horizons, horizons
 from scenarios.scenario.spec import MethodSpec, Scenario, ViewSpec, check_signal
 
@@ -26,14 +30,14 @@ class Design:
     warnings: tuple[str, ...]
 
 
-def make_design(scenario: Scenario) -> Design:
-    """Design the excitation and judge it for every view and method.
+def make_design(scenario: Scenario, signal: Signal | None = None) -> Design:
+    """Design the excitation, unless it is given, and judge it for every view and method.
 
     Raises ExciteError for roles, bands, orders and horizons that the records will not allow, and DesignRefused when the
     excitation is unsafe or cannot work.
     """
     with placed(f"{scenario.file}: excitation"):
-        signal = scenario.design(scenario.seed)
+        signal = scenario.design(scenario.seed) if signal is None else signal
     check_signal(scenario, signal)
     layout = scenario.plant.records(scenario.inject)
     if layout.dt is None:
@@ -94,6 +98,12 @@ def built_methods(scenario: Scenario, spec: ViewSpec, rule: Horizons) -> list[tu
     return [(m, m.build(rule.fill(method_class(m.name)))) for m in mine]
 
 
+def built_entries(scenario: Scenario, spec: ViewSpec, rule: Horizons) -> tuple[Entry, ...]:
+    """Return the methods of one view as entries of a comparison, with labels that differ."""
+    built = built_methods(scenario, spec, rule)
+    return entries([Entry(m.label or m.name, method, m.orders) for m, method in built])
+
+
 def _held(scenario: Scenario, spec: ViewSpec, signal: Signal) -> int | None:
     """Samples of the view over which the excitation is held, None when it moves every sample."""
     hold = round(signal.dt * signal.hold / (scenario.plant.dt * spec.roles.every))
@@ -134,21 +144,22 @@ def _check_methods(scenario: Scenario, spec: ViewSpec, rule: Horizons, signal: S
     u, y, r = np.split(columns, np.cumsum(widths)[:2], axis=1)
     stand_in = Experiment(u, y, dt=dt * rule.every, reference=r if widths[2] else None)
     for m, method in built_methods(scenario, spec, rule):
-        for n in m.orders if method.consumes == "time series" else ():
+        for n in m.orders if Kind.SERIES in method.takes else ():
             with placed(f"{m.place}: view '{spec.name}', {len(u)} samples of {stand_in.dt:g} s"):
-                method.check(stand_in, n)
+                check(method, Records.of(stand_in), n)
 
 
 def _judge(scenario: Scenario, spec: ViewSpec, rule: Horizons, signal: Signal) -> tuple[Certificate, list[str]]:
     """Certify the excitation at the view's rate against what its methods need."""
     pairs = [(m, method, n) for m, method in built_methods(scenario, spec, rule) for n in m.orders]
-    sufficient = max(method.sufficient_excitation(n) for _, method, n in pairs)
+    sufficient = max(1, *(method.sufficient_excitation(n if isinstance(n, int) else None) for _, method, n in pairs))
     dt = scenario.plant.dt
     certificate = certify(signal.sampled(dt).sampled(dt * spec.roles.every * rule.every), block_rows=sufficient)
     warnings = []
     for m, method, n in pairs:
-        need, enough = method.required_excitation(n), method.sufficient_excitation(n)
-        what = f"view '{spec.name}': {m.name} n={n}"
+        states = n if isinstance(n, int) else None
+        need, enough = method.required_excitation(states), method.sufficient_excitation(states)
+        what = f"view '{spec.name}': {m.name}" + ("" if n is None else f" n={n}")
         if certificate.order < need and not spec.roles.closed:
             raise DesignRefused(
                 f"{scenario.file}: {what} needs an input persistently exciting of order {need}, the design has order "

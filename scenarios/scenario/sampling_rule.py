@@ -5,8 +5,9 @@ from math import ceil, log
 
 import numpy as np
 
+from excite.models.modes import continuous_poles
 from excite.types.truth import Truth
-from identify.metrics.metrics import INTEGRATOR, continuous_poles
+from identify.metrics.poles import INTEGRATOR
 from identify.steps.kalman import spectral_radius
 
 SAMPLES_PER_CYCLE = 8  # of the fastest pole, after decimation

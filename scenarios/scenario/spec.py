@@ -9,20 +9,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from excite.errors import DesignRefused, ExciteError, did_you_mean, placed
 from excite.generators import GENERATORS, in_sequence, rest
 from excite.types.recording import Roles
 from excite.types.signal import Signal
-from identify.method import Method, load_method, method_class
-from identify.score import METRICS
+from identify.compare import STATISTICS
+from identify.method import Method
+from identify.metrics.registry import find_metric, list_metrics
+from identify.orders.rules import ORDER_RULES
+from identify.registry import load_method, method_class
 from plants.plant import Plant
 from plants.registry import load_plant
 from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 
 LIBRARY = Path(__file__).parents[1] / "library"
-STATISTICS = ("median", "q25", "q75", "min", "max", "mean")
 COMPARISONS = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
 BOUND = re.compile(r"\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decides itself
@@ -44,13 +44,18 @@ class ViewSpec:
 
 @dataclass(frozen=True)
 class MethodSpec:
-    """One method with its settings; horizons that are not given follow from the design rule. place : its key path."""
+    """One method with its settings; horizons that are not given follow from the design rule.
+
+    orders : whole numbers or rules ("bic"); (None,) for a method without an order; label : what tables call it, by default
+    its name, with the settings that set twins apart; place : its key path.
+    """
 
     name: str
     view: str
-    orders: tuple[int, ...]
+    orders: tuple[int | str | None, ...]
     settings: Mapping[str, Any] = field(default_factory=dict)
     place: str = "method"
+    label: str | None = None
 
     def build(self, horizons: Mapping[str, int]) -> Method:
         """Return the method with the horizons of the design rule filled in where the scenario gives none."""
@@ -82,6 +87,8 @@ class Scenario:
     seed: int
     description: str
     plant: Plant
+    preset: str | None
+    parameters: Mapping[str, Any]
     noise: bool | Mapping[str, float]
     inject: str
     excitation: tuple[Mapping[str, Any], ...]
@@ -195,6 +202,8 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
         seed=seed,
         description=description,
         plant=plant,
+        preset=given[1],
+        parameters=given[2],
         noise=levels if (on and levels) else on,
         inject=inject,
         excitation=excitation,
@@ -312,9 +321,14 @@ def _methods(table: TomlTable, views: list[str]) -> list[MethodSpec]:
     name = table.take("name", str)
     with placed(f"{table.place}name"):
         method_class(name)
-    order = table.take("order", int, None, at_least(1))
-    orders = table.items("orders", int, [], at_least(1))
-    if (order is None) == (not orders):
+    label = table.take("label", str, None, _label)
+    order = table.take("order", (int, str), None, _order)
+    orders = table.items("orders", (int, str), [], _order)
+    if method_class(name).order_is is None:
+        if order is not None or orders:
+            raise ExciteError(f"{table.place}order: {name} has no order; drop the key")
+        orders = [None]
+    elif (order is None) == (not orders):
         raise ExciteError(f"{table.place}order: give either order, a whole number, or orders, a list of them")
     options = table.take("settings", dict, {})
     chosen = table.take("view", (str, list), views)
@@ -325,7 +339,20 @@ def _methods(table: TomlTable, views: list[str]) -> list[MethodSpec]:
             raise ExciteError(f"{table.place}view: {view!r} is not defined; {did_you_mean(str(view), views)}")
     with placed(f"{table.place}settings"):
         load_method(name, **options)
-    return [MethodSpec(name, view, tuple(orders or [order]), options, table.place.rstrip(".")) for view in chosen]
+    place = table.place.rstrip(".")
+    return [MethodSpec(name, view, tuple(orders or [order]), options, place, label) for view in chosen]
+
+
+def _order(value: int | str) -> str | None:
+    """Return the remedy for what is no order: a whole number of at least 1, or the name of a rule."""
+    if isinstance(value, str):
+        return None if value in ORDER_RULES else f"{did_you_mean(value, ORDER_RULES)} Or give a whole number."
+    return None if value >= 1 else "give at least 1"
+
+
+def _label(value: str) -> str | None:
+    fits = value == value.strip() and 0 < len(value) <= 60 and "." not in value and value.isprintable()
+    return None if fits else "use at most 60 characters, without dots and outer spaces"
 
 
 def _score(table: TomlTable, views: tuple[ViewSpec, ...]) -> tuple[tuple, tuple, dict]:
@@ -334,13 +361,15 @@ def _score(table: TomlTable, views: tuple[ViewSpec, ...]) -> tuple[tuple, tuple,
     without_truth = [s.name for s in views if not s.plants_own]
     for i, metric in enumerate(rank_by):
         place = f"{table.place}rank_by[{i}]: '{metric}'"
-        if metric not in METRICS:
-            raise ExciteError(f"{place} is no metric; {did_you_mean(metric, METRICS)}")
-        if without_truth and (not metric.startswith(("fit", "vaf")) or metric == "fit_below_floor"):
+        if (known := find_metric(metric)) is None:
+            raise ExciteError(f"{place} is no metric; {did_you_mean(metric, list_metrics())}")
+        if without_truth and known.needs_truth:
             raise ExciteError(
                 f"{place} needs a truth, and view '{without_truth[0]}', with roles of its own, has none; "
                 'rank by "fit_one_step" or "fit_simulation"'
             )
+        if known.horizon is not None and "horizons_s" not in table.values:
+            raise ExciteError(f"{place} needs a prediction horizon; give horizons_s")
     horizons_s = table.items("horizons_s", NUMBER, [], lambda h: None if h > 0 else "give positive seconds")
     bands, bands_hz = table.table("bands_hz"), {}
     for view in views:
@@ -358,16 +387,19 @@ def _score(table: TomlTable, views: tuple[ViewSpec, ...]) -> tuple[tuple, tuple,
 
 
 def _refuse_twins(methods: tuple[MethodSpec, ...]) -> None:
-    """Refuse a method that stands twice in a view at one order: its results would have one name."""
-    seen = set()
+    """Refuse a method that stands twice in a view at one order with the same settings, and a label for two methods."""
+    seen: list[tuple] = []
+    labels: dict[tuple[str, str], tuple] = {}
     for m in methods:
         for n in m.orders:
-            if (m.name, m.view, n) in seen:
+            mine = (m.name, dict(m.settings), m.view, n)
+            if mine in seen:
                 raise ExciteError(
-                    f"{m.place}: {m.name} of order {n} stands in view '{m.view}' twice; "
-                    "compare its settings in two scenarios"
+                    f"{m.place}: {m.name} of order {n} stands in view '{m.view}' twice; drop one, or change its settings"
                 )
-            seen.add((m.name, m.view, n))
+            seen.append(mine)
+        if m.label is not None and labels.setdefault((m.label, m.view), mine[:2]) != mine[:2]:
+            raise ExciteError(f"{m.place}.label: '{m.label}' stands for two methods in view '{m.view}'; give another")
 
 
 def _expectation(key: str, value: Any, place: str, views: list[str], methods: tuple[MethodSpec, ...]) -> Expectation:
@@ -382,17 +414,9 @@ def _expectation(key: str, value: Any, place: str, views: list[str], methods: tu
         raise ExciteError(f"{place}: there are {len(views)} views; put one first: {', '.join(views)}")
     view = parts[0] if len(parts) == 4 else views[0]
     method, metric, statistic = parts[-3:]
-    here = [m.name for m in methods if m.view == view] + ["best"]
-    for part, known in ((view, views), (method, here), (metric, METRICS), (statistic, STATISTICS)):
+    here = [name for m in methods if m.view == view for name in (m.label or m.name,)] + ["best"]
+    metrics = [metric] if find_metric(metric) else list_metrics()
+    for part, known in ((view, views), (method, here), (metric, metrics), (statistic, STATISTICS)):
         if part not in known:
             raise ExciteError(f"{place}: '{part}' is not known here; {did_you_mean(part, known)}")
     return Expectation(key, view, method, metric, statistic, match[1], float(match[2]))
-
-
-def statistics(values: list[float]) -> dict[str, float]:
-    """Median, quartiles, extremes and mean; all NaN when any run failed to give a number."""
-    array = np.asarray(values, float)
-    if array.size == 0 or np.isnan(array).any():
-        return dict.fromkeys(STATISTICS, float("nan"))
-    q25, median, q75 = np.percentile(array, [25, 50, 75])
-    return dict(zip(STATISTICS, (median, q25, q75, array.min(), array.max(), array.mean()), strict=True))

@@ -34,7 +34,7 @@ TURNS = {
 
 def excite_fit(u, y, name):
     from excite.types.experiment import Experiment
-    from identify.method import fit
+    from identify.fit import fit
 
     data = Experiment(u, y, dt=1.0)
 
@@ -192,7 +192,7 @@ def long_record(samples, low_pass):
     from scipy.signal import butter, lfilter
 
     from excite.types.experiment import Experiment
-    from identify.method import fit
+    from identify.fit import fit
 
     rng = np.random.default_rng(0)
     u = rng.standard_normal(int(samples))
@@ -203,7 +203,7 @@ def long_record(samples, low_pass):
     begin = perf_counter()
     estimate = fit(Experiment(u, y, dt=1.0), "po_moesp", 2, block_rows=BLOCK_ROWS)
     seconds = perf_counter() - begin
-    print(json.dumps({"seconds": seconds, "peak_mb": peak_mb(), "path": estimate.path}))
+    print(json.dumps({"seconds": seconds, "peak_mb": peak_mb(), "path": estimate.route}))
 
 
 @pytest.mark.parametrize(("samples", "low_pass", "limit"), [(10**6, False, 0.3), (10**7, False, 2), (10**6, True, 4)])
@@ -222,7 +222,7 @@ def test_long_records(samples, low_pass, limit):
 )
 def test_all_methods_on_w3(stored, fastest, method):
     from excite.types.experiment import Experiment
-    from identify.method import fit
+    from identify.fit import fit
 
     data = np.load(stored / "W3.npz")
     record = Experiment(data["u"], data["y"], dt=1.0)

@@ -217,7 +217,7 @@ def test_mat_of_a_signal_is_what_from_workspace_takes(tmp_path):
 
 
 def test_every_lossless_format_is_tested_here():
-    lossless = [given for given in FORMATS.values() if given.write and given.quantise is None]
+    lossless = [given for given in map(FORMATS.__getitem__, FORMATS) if given.write and given.quantise is None]
     assert sorted({extension for given in lossless for extension in given.extensions}) == sorted([*WRITTEN, ".hdf5"])
 
 

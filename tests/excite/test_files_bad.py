@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from excite.errors import ExciteError
 from excite.files import load_experiment, load_recording, load_signal, read_table, save_experiment, save_signal
 from excite.files.atomic import written
-from excite.files.native import plain
 from excite.generators import prbs
+from excite.plain import plain
 from excite.types.experiment import Experiment
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal

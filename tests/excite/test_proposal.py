@@ -5,9 +5,11 @@ import pytest
 
 from excite.errors import DesignRefused, ExciteError
 from excite.generators import GENERATORS
+from excite.models.frequency_response import FrequencyResponse
 from excite.models.state_space import StateSpaceModel
 from excite.persistency.certificate import certify
-from excite.proposal.proposal import KINDS, Knowledge, knowledge_of, propose
+from excite.proposal.knowledge import Knowledge, knowledge_of
+from excite.proposal.proposal import KINDS, propose
 
 KNOWN = Knowledge(bandwidth_hz=5.0, settling_s=2.0, limit=3.0, noise=0.3, gain=0.5)
 
@@ -75,6 +77,7 @@ def test_the_next_design_starts_from_a_model():
         (lambda: propose("prb", KNOWN), "kind 'prb'; did you mean 'prbs'"),
         (lambda: propose("sweep", Knowledge(0.1, 2.0, 1.0)), "leave no band to sweep"),
         (lambda: knowledge_of(StateSpaceModel([[1]], [[1]], [[1]], [[0]], 1.0), 1.0), "only integrators"),
+        (lambda: knowledge_of(FrequencyResponse([1.0], [[[1.0]]], 0.1), 1.0), "a FrequencyResponse does not tell"),
     ],
 )
 def test_bad_knowledge_is_refused(make, message):

@@ -8,7 +8,7 @@ from scipy.signal import dlsim
 
 from excite.models.polynomial import PolynomialModel
 from excite.models.state_space import StateSpaceModel
-from excite.numerics.simulate import fir, markov, simulate
+from excite.numerics.simulate import LONG, divide, fir, markov, rational, recurrence, simulate
 from excite.types.experiment import Experiment
 
 
@@ -79,6 +79,65 @@ def test_fir_equals_direct_sum():
     h, u = rng.standard_normal((7, 2, 3)), rng.standard_normal((50, 3))
     expected = [sum(h[i] @ u[t - i] for i in range(min(7, t + 1))) for t in range(50)]
     np.testing.assert_allclose(fir(h, u), expected, atol=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(1, 9) | st.sampled_from([LONG, LONG + 1, 300]),
+    samples=st.integers(1, 400),
+    nu=st.integers(0, 3),
+)
+def test_short_and_long_fir_equal_the_direct_sum(seed, count, samples, nu):
+    rng = np.random.default_rng(seed)
+    h, u = rng.standard_normal((count, 2, nu)), rng.standard_normal((samples, nu))
+    expected = [np.convolve(h[:, i, j], u[:, j])[:samples] for i in range(2) for j in range(nu)]
+    expected = np.reshape(expected, (2, nu, samples)).sum(1).T
+    np.testing.assert_allclose(fir(h, u), expected, atol=1e-11)
+
+
+def test_a_long_fir_keeps_small_outputs_beside_large_ones():
+    rng = np.random.default_rng(0)
+    h, u = rng.standard_normal((200, 2, 2)), rng.standard_normal((3000, 2))
+    scaled = fir(h * [[[1e9], [1.0]]] / [1.0, 1e6], u * [1.0, 1e6])
+    np.testing.assert_allclose(scaled / [1e9, 1.0], fir(h, u), atol=1e-11)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    lags=st.integers(0, 5) | st.sampled_from([20, 90]),
+    samples=st.integers(1, 500),
+    ny=st.integers(1, 3),
+)
+def test_division_by_a_polynomial_matrix_undoes_its_product(seed, lags, samples, ny):
+    rng = np.random.default_rng(seed)
+    a = np.concatenate([np.eye(ny)[None], rng.standard_normal((lags, ny, ny)) / (2 * max(lags * ny, 1))])
+    y = rng.standard_normal((samples, ny))
+    np.testing.assert_allclose(divide(a, fir(a, y)), y, atol=1e-10)
+    np.testing.assert_allclose(fir(a, divide(a, y)), y, atol=1e-10)
+
+
+def test_a_rational_filter_goes_on_from_its_state():
+    rng = np.random.default_rng(1)
+    b, a, u = np.array([1.0, 0.3, 0.2]), np.array([1.0, -0.8]), rng.standard_normal(50)
+    whole = rational(b, a, u)[0]
+    first, state = rational(b, a, u[:20])
+    np.testing.assert_allclose(np.r_[first, rational(b, a, u[20:], state)[0]], whole, atol=1e-14)
+    pulse = rational(b, a, 0 * u, np.array([2.0, 3.0]))[0]  # the state adds to the right side of the first samples
+    np.testing.assert_allclose(pulse, rational(np.array([2.0, 3.0]), a, np.eye(50)[0])[0], atol=1e-14)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), steps=st.integers(0, 300))
+def test_a_recurrence_with_any_decays_equals_the_loop(seed, steps):
+    rng = np.random.default_rng(seed)
+    decay, drive, x = rng.uniform(-1, 1, (steps, 2, 1)), rng.standard_normal((steps, 2, 3)), rng.standard_normal((2, 3))
+    decay[rng.random(steps) < 0.1] = 0
+    for k, found in enumerate(recurrence(decay, drive, x)):
+        np.testing.assert_allclose(found, x, atol=1e-12)
+        x = decay[k] * x + drive[k] if k < steps else x
+    assert k == steps
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 7, 250])

@@ -15,12 +15,12 @@ from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import observability
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
-from identify.method import fit
-from identify.metrics.metrics import impulse_error
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
 from identify.realization.cobra import shifted_covariances
 from identify.realization.shifted_data import covariance_input_matrices
 from identify.steps.covariance import cross_covariance, smoothed_covariance
-from identify.steps.hankel_svd import era
+from identify.steps.shift import Shift
 
 POLE = 0.7 + 0.3j  # of Example 5.1
 
@@ -87,7 +87,8 @@ def test_exact_covariances_give_the_exact_system(system, n):
     colour = StateSpaceModel([[0.5, 0.7], [-0.7, 0.5]], [[1.0, 0.2], [0, 1]], [[1.0, 0], [0.5, 1]], np.eye(2), 1.0)
     R_u, R_y = exact_covariances(truth, colour, -16, 30)
     shifted = shifted_covariances(R_u, R_y, 14)
-    A, _, C = era(shifted.svd, shifted.shifted, n)
+    shift = Shift.of_pair(shifted.svd, shifted.shifted, n)
+    A, C = shift.A, shift.C
     B, D = covariance_input_matrices(R_u, R_y, A, C, True)
     model = StateSpaceModel(A, B, C, D, 1.0)
     assert pole_error(model, truth.poles()) < 1e-9
@@ -133,7 +134,7 @@ def test_stated_uncertainty_is_that_of_many_runs(runs_5_1):
     fits = [fit(run, "cobra", 2, block_rows=18, first_lag=-20, last_lag=25) for run in runs_5_1]
     poles = np.array([estimate.model.poles() for estimate in fits])
     upper = poles[np.arange(200), np.argmax(poles.imag, axis=1)]
-    stated = np.median([estimate.uncertainty["pole_std"].max() for estimate in fits])
+    stated = np.median([np.sqrt(np.trace(estimate.uncertainty.poles(), axis1=1, axis2=2)).max() for estimate in fits])
     assert stated == pytest.approx(np.std(upper), rel=0.2)
 
 

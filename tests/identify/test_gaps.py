@@ -7,10 +7,12 @@ import pytest
 
 from excite.errors import ExciteError, Unsupported
 from excite.types.experiment import Experiment
-from identify.conformance import example
 from identify.data.gaps import gap_free
-from identify.method import fit, load_method
-from identify.metrics.metrics import impulse_error
+from identify.data.records import Records
+from identify.examples import series as example
+from identify.fit import fit, unsupported
+from identify.metrics.impulse import impulse_error
+from identify.registry import load_method
 
 METHODS = [
     "arx",
@@ -94,7 +96,7 @@ def test_parts_are_the_longest_stretches():
 
 def test_methods_that_cannot_take_gaps_name_them():
     data, _ = example()
-    reason = load_method("ho_kalman").unsupported((data, with_gaps(data, y=[3])))
+    reason = unsupported(load_method("ho_kalman"), Records.of((data, with_gaps(data, y=[3]))))
     assert reason.startswith("record 1: sample 3 of channel 'y2' is missing (NaN), 1 in all; fill them")
 
 

@@ -10,11 +10,13 @@ from excite.files import load_experiment
 from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
-from identify.conformance import closed_loop, example
 from identify.estimate import Status
-from identify.method import fit, load_method
-from identify.metrics.metrics import impulse_error
-from identify.orders.orders import largest_gap
+from identify.examples import closed_loop
+from identify.examples import series as example
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
+from identify.orders.gap import largest_gap
+from identify.registry import load_method
 
 
 def shared(*parts):
@@ -110,7 +112,7 @@ def test_low_pass_data_take_the_qr_path(cases):
     system = cases.w1_to_w4()["W1"][:4]
     u, y, fresh, clean = cases.w6(system)
     estimate = fit(Experiment(u, y, dt=1.0), "po_moesp", 4, block_rows=20)
-    assert estimate.path == "blocked-qr" and estimate.condition > 1e6 and estimate.status is not Status.UNSTABLE
+    assert estimate.route == "blocked-qr" and estimate.condition > 1e6 and estimate.status is not Status.UNSTABLE
     assert pole_error(np.linalg.eigvals(system[0]), estimate.model.poles()) < 0.01
     error = clean - estimate.model.simulate(fresh[:, None])[:, 0]
     assert np.linalg.norm(error) < 0.01 * np.linalg.norm(clean)
@@ -119,12 +121,12 @@ def test_low_pass_data_take_the_qr_path(cases):
 def test_shared_factors_give_the_same_estimate():
     data, _ = example()
     iem, ssarx = load_method("iem"), load_method("ssarx")
-    assert iem.factor_key() == ssarx.factor_key() != load_method("iem", past=21).factor_key()
+    assert iem.compression == ssarx.compression != load_method("iem", past=21).compression
     shared = {}
     for method in (iem, ssarx):
-        shared_one, own = method.fit(data, 4, shared), method.fit(data, 4)
+        shared_one, own = fit(data, method, 4, shared=shared), fit(data, method, 4)
         assert shared_one.model.impulse(20).tobytes() == own.model.impulse(20).tobytes()
-    assert list(shared) == [iem.factor_key()]
+    assert list(shared) == [(iem.compression, 0)]
 
 
 def test_poor_excitation_is_refused_with_the_orders():

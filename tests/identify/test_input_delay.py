@@ -9,9 +9,11 @@ from excite.errors import ExciteError
 from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
-from identify.method import METHODS, fit, load_method, method_class
-from identify.metrics.metrics import impulse_error, pole_errors
-from identify.orders.orders import order_table
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
+from identify.orders.table import order_table
+from identify.registry import METHODS, load_method, method_class
 from scenarios.report.text import estimate_text
 
 DEAD = 4
@@ -91,7 +93,7 @@ def test_orders_count_the_plant_alone_and_share_what_is_prepared():
     shared = {}
     data = record()
     for delay in (0, DEAD):
-        load_method("po_moesp", input_delay=delay).fit(data, 3, shared)
+        fit(data, load_method("po_moesp", input_delay=delay), 3, shared=shared)
     assert len(shared) == 2
 
 

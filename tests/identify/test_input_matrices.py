@@ -14,9 +14,9 @@ from excite.numerics.correlation import Joint, correlate
 from excite.numerics.hankel import columns_of, hankel_factor, hankel_gram, largest_rows
 from excite.numerics.simulate import simulate
 from excite.types.experiment import Experiment
-from identify.conformance import closed_loop
 from identify.estimate import Status
-from identify.method import fit
+from identify.examples import closed_loop
+from identify.fit import fit
 from identify.steps import dual_regression
 from identify.steps import initial_state as initial_state_module
 from identify.steps import input_matrices as ground
@@ -48,7 +48,7 @@ def test_errors_are_those_of_the_peers(workloads, name, order, poles, simulation
     """Pole errors and simulation fits of SLICOT, of a full QR and of a small prototype, facts/peers.md."""
     A, _, _, _, u, y, fresh, clean = workloads[name]
     estimate = fit(Experiment(u, y, dt=1.0), "po_moesp", order, block_rows=20)
-    assert estimate.path == "gram-cholesky"
+    assert estimate.route == "gram-cholesky"
     assert pole_error(A, estimate.model) == pytest.approx(poles, rel=0.15)
     assert simulation_fit(estimate.model, fresh, clean) > simulation - 0.02
 
@@ -58,7 +58,7 @@ def test_low_pass_data_of_condition_six_e_eight(cases, workloads):
     system = workloads["W1"][:4]
     u, y, fresh, clean = cases.w6(system)
     estimate = fit(Experiment(u, y, dt=1.0), "po_moesp", 4, block_rows=20)
-    assert estimate.path == "blocked-qr" and estimate.status is not Status.UNSTABLE
+    assert estimate.route == "blocked-qr" and estimate.status is not Status.UNSTABLE
     assert pole_error(system[0], estimate.model) <= 0.007
     assert simulation_fit(estimate.model, fresh[:, None], clean[:, None]) > 99.75
 
@@ -71,7 +71,7 @@ def test_both_numerical_paths_give_one_model(workloads, monkeypatch, name, order
     monkeypatch.setattr(hankel, "GRAM_CONDITION", 0)
     monkeypatch.setattr(ground, "NORMAL_CONDITION", 0)
     plain = fit(data, "po_moesp", order)
-    assert (squared.path, plain.path) == ("gram-cholesky", "blocked-qr")
+    assert (squared.route, plain.route) == ("gram-cholesky", "blocked-qr")
     np.testing.assert_allclose(squared.model.poles(), plain.model.poles(), atol=1e-9)
     scale = np.abs(plain.model.impulse(50)).max()
     np.testing.assert_allclose(squared.model.impulse(50), plain.model.impulse(50), atol=1e-8 * scale)
@@ -290,5 +290,5 @@ def test_a_fit_copies_no_long_record(low_pass):
     estimate = fit(data, "po_moesp", 3)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert estimate.path == ("blocked-qr" if low_pass else "gram-cholesky")
+    assert estimate.route == ("blocked-qr" if low_pass else "gram-cholesky")
     assert peak < data.u.nbytes  # half of the data

@@ -10,7 +10,7 @@ from excite.numerics.kalman import kalman_gain
 from excite.numerics.simulate import markov, simulate, states
 from excite.types.experiment import Experiment
 from identify.estimate_json import estimate_from_dict, estimate_to_dict
-from identify.method import fit
+from identify.fit import fit
 
 DT, SAMPLES = 0.05, 20_000
 STIFFNESS = 400 * np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])  # unit masses

@@ -11,10 +11,13 @@ from excite.errors import ExciteError, Unsupported
 from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import markov, observability, simulate
 from excite.types.experiment import Experiment
-from identify.conformance import closed_loop
-from identify.method import fit, load_method
-from identify.metrics.metrics import impulse_error, pole_errors
-from identify.steps.hankel_svd import era, hankel_of, hankel_svd, kung
+from identify.examples import closed_loop
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
+from identify.registry import load_method
+from identify.steps.hankel_svd import hankel_of, hankel_svd
+from identify.steps.shift import Shift
 
 ON_RESPONSES = ["ho_kalman", "era"]
 
@@ -104,9 +107,9 @@ def test_kung_and_era_differ_as_stated(system):
     for noise, equal in ((0, True), (0.05, False)):
         noisy = h + noise * rng.standard_normal(h.shape)
         H, shifted = hankel_svd(noisy[:-1], 15), hankel_of(noisy[1:], 15)
-        ours, theirs = (np.poly(found[0]) for found in (era(H, shifted, 4), kung(H, 4)))
+        ours, theirs = (np.poly(found.A) for found in (Shift.of_pair(H, shifted, 4), Shift.of_gamma(H.gamma(4), H.ny)))
         assert np.allclose(ours, theirs, atol=1e-10) is equal
-        A = era(H, shifted, 4)[0]
+        A = Shift.of_pair(H, shifted, 4).A
         best = la.pinv(H.gamma(4)) @ shifted @ la.pinv(H.delta(4))
         np.testing.assert_allclose(A, best, atol=1e-10)
 

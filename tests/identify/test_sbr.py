@@ -11,8 +11,10 @@ from excite.errors import ExciteError, Unsupported
 from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from identify.estimate import Status
-from identify.method import fit, load_method
-from identify.metrics.metrics import fit_percent, impulse_error
+from identify.fit import fit
+from identify.metrics.fits import fit_percent
+from identify.metrics.impulse import impulse_error
+from identify.registry import load_method
 
 FORMS = ["printed", "projected"]
 

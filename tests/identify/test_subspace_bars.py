@@ -10,9 +10,9 @@ from scipy.optimize import linear_sum_assignment
 from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
-from identify.conformance import closed_loop
-from identify.method import fit
-from identify.metrics.metrics import impulse_error
+from identify.examples import closed_loop
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
 
 RUNS = range(100)
 

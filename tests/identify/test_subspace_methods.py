@@ -14,12 +14,16 @@ from excite.files import load_experiment
 from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import markov, simulate
 from excite.types.experiment import Experiment
-from identify.conformance import closed_loop, example
+from identify.data.records import Kind, Records
 from identify.estimate import Status
-from identify.method import METHODS, fit, load_method, method_class
-from identify.metrics.metrics import impulse_error
+from identify.examples import closed_loop
+from identify.examples import series as example
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
+from identify.registry import METHODS, load_method, method_class
 from identify.steps.compression import lq
-from identify.steps.regions import stable_dynamics
+from identify.steps.regions import Stable
+from identify.steps.shift import Shift
 
 DATA = SHARED / "data"
 PREDICTOR_FORM = ["iem", "parsim_k", "pbsid", "ssarx", "ssinnov1", "ssinnov2", "wfa"]
@@ -123,7 +127,7 @@ def test_what_each_instrument_stands():
 def test_wfa_is_row_by_row_least_squares():
     data, _ = example(0.1, 400)
     method = load_method("wfa", past=4, future=3)
-    factor = method.prepare(data)
+    factor = method.compression(Records.of(data))
     rows = []
     for i in range(3):
         before = [factor.z(), *(m(4 + k, 5 + k) for k in range(i) for m in (factor.y, factor.u))]
@@ -139,7 +143,7 @@ def test_ssinnov1_solves_the_printed_structured_problem(closed):
     data, _ = closed_loop(400, 0)
     p, f = 6, 5
     method = load_method("ssinnov1", past=p, future=f)
-    factor = method.prepare(data)
+    factor = method.compression(Records.of(data))
     found = method.decompose(factor)
     theta = la.lstsq(factor.z().T, factor.y(p, p + 1).T)[0].T
     E = np.vstack([factor.y(p + i, p + i + 1) - theta @ factor.z(i) for i in range(f)])
@@ -161,13 +165,13 @@ def test_ssinnov1_solves_the_printed_structured_problem(closed):
 def test_ssinnov2_with_the_whole_arx_past_is_ssinnov1():
     data, _ = example(0.3, 3000)
     second = load_method("ssinnov2", past=6, future=12, lags=6)
-    factor = second.prepare(data)
+    factor = second.compression(Records.of(data))
     first = load_method("ssinnov1", past=6, future=18).decompose(factor)
     found = second.decompose(factor)
     np.testing.assert_allclose(found.response, first.response[:11], atol=1e-9)
     np.testing.assert_allclose(found.noise, first.noise[:11], atol=1e-9)
     shorter = load_method("ssinnov2", past=6, future=12, lags=3)
-    apart = np.abs(shorter.decompose(shorter.prepare(data)).response - first.response[:11]).max()
+    apart = np.abs(shorter.decompose(shorter.compression(Records.of(data))).response - first.response[:11]).max()
     assert 1e-6 < apart < 0.2  # shorter, it is an estimate of its own
 
 
@@ -239,17 +243,21 @@ def test_po_moesp_has_the_singular_values_of_the_cd_player():
     np.testing.assert_allclose(found, expected, atol=6e-5)
 
 
+def shift(A, C, rows):
+    return Shift(A, C, rows, lambda: np.eye(len(A)), lambda: np.eye(len(A)))
+
+
 def test_the_guard_makes_stable_and_only_where_it_must():
     rng = np.random.default_rng(0)
     for radius in (1.0001, 1.02, 1.3):
         A = rng.standard_normal((5, 5))
         A *= radius / np.abs(la.eigvals(A)).max()
-        stable, warnings = stable_dynamics(A, rng.standard_normal((2, 5)), 12)
-        assert np.abs(la.eigvals(stable)).max() < 1 and f"spectral radius {radius:.4f}" in warnings[0]
-    kept, warnings = stable_dynamics(0.9 * A / 1.3, rng.standard_normal((2, 5)), 12)
-    assert warnings == () and np.array_equal(kept, 0.9 * A / 1.3)
+        stable, warning = Stable()(shift(A, rng.standard_normal((2, 5)), 12))
+        assert np.abs(la.eigvals(stable)).max() < 1 and f"spectral radius {radius:.4f}" in warning
+    kept, warning = Stable()(shift(0.9 * A / 1.3, rng.standard_normal((2, 5)), 12))
+    assert warning is None and np.array_equal(kept, 0.9 * A / 1.3)
     fast = la.block_diag([[0.3]], [[1.1]])  # the mode that dies out keeps its place
-    found, _ = stable_dynamics(fast, np.array([[1.0, 0.0], [0.0, 1.0]]), 20)
+    found, _ = Stable()(shift(fast, np.array([[1.0, 0.0], [0.0, 1.0]]), 20))
     assert sorted(np.abs(la.eigvals(found)))[0] == pytest.approx(0.3, abs=1e-6)
 
 
@@ -353,10 +361,10 @@ def test_the_largest_order_can_be_realised(name, settings):
     u = rng.standard_normal((1500, 1))
     y = oscillators(12).simulate(u @ np.ones((1, 2))) + 0.1 * rng.standard_normal((1500, 3))
     data, method = Experiment(u, y, dt=1.0), load_method(name, **settings)
-    largest = method.largest_order(data)
-    assert method.fit(data, largest).model.order == largest
+    largest = method.largest_order(Records.of(data))
+    assert fit(data, method, largest).model.order == largest
     with pytest.raises(ExciteError, match=f"largest possible, {largest}"):
-        method.fit(data, largest + 1)
+        fit(data, method, largest + 1)
 
 
 def test_horizons_too_long_for_the_data_say_how_long_they_can_be():
@@ -365,7 +373,7 @@ def test_horizons_too_long_for_the_data_say_how_long_they_can_be():
         fit(data, "ssinnov2", 4, past=20, future=40)
 
 
-@pytest.mark.parametrize("method", [m for m in METHODS if method_class(m).consumes == "time series"])
+@pytest.mark.parametrize("method", [m for m in METHODS if Kind.SERIES in method_class(m).takes])
 def test_an_impulse_is_taken_or_refused_by_its_excitation(method):
     rng, u = np.random.default_rng(0), np.zeros(240)
     u[5] = 1.0

@@ -20,8 +20,10 @@ from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import observability, simulate
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
-from identify.method import METHODS, fit
-from identify.metrics.metrics import impulse_error, pole_errors
+from identify.fit import fit
+from identify.metrics.impulse import impulse_error
+from identify.metrics.poles import pole_errors
+from identify.registry import METHODS
 
 # The README's promises, as multiples of the smallest error of all methods that take the data.
 FIRST, USE, ALSO, AVOID = 1.2, 1.5, 3.0, 2.5

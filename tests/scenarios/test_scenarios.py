@@ -10,6 +10,7 @@ import sys
 import time
 import tomllib
 from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from identify.estimate_json import load_estimate
 from identify.subspace.ssarx import Ssarx
 from plants.quadrotor.plant import Quadrotor
 from scenarios.cli.main import status
-from scenarios.run.pipeline import run_scenario, to_json
+from scenarios.run.results import to_json
+from scenarios.run.run import run_scenario
 from scenarios.run.store import open_folder
 from scenarios.scenario.spec import check_scenario, load_scenario, shipped
 
@@ -378,7 +380,9 @@ def test_the_folder_is_whole(finished):
     single |= {"validation_00.csv", "validation_00.csv.json"}
     assert names - figures == recordings | models | single
     assert {"figures/excitation.svg", "figures/attitude-poles.svg", "figures/attitude-bode.svg"} <= figures
-    assert all((folder / name).read_text().startswith("<svg") for name in figures)
+    starts = {".svg": "<svg", ".json": "{", ".csv": "panel,"}
+    assert all((folder / name).read_text().startswith(starts[Path(name).suffix]) for name in figures)
+    assert {Path(name).stem for name in figures if name.endswith(".svg")} == {Path(name).stem for name in figures}
     assert "<script" not in (folder / "report.html").read_text()
 
 
@@ -526,7 +530,7 @@ def test_leftovers_of_a_killed_run_are_swept(tmp_path):
 # Results that say why -----------------------------------------------------------------------------------------------------
 
 
-def fail(self, factor, order):
+def fail(self, factor, order, data):
     raise ExciteError("ssarx: nothing could be found")
 
 

@@ -1,0 +1,63 @@
+"""A figure as strict JSON, for a page in a browser: everything it is made of, with the colours resolved."""
+
+import json
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from excite.figures.colours import Role
+from excite.figures.figure import Axis, Figure, Mark, Panel
+
+SCHEMA_VERSION = 1
+
+
+def to_json(figure: Figure) -> str:
+    """Return the figure as one strict JSON object; numbers that are not finite become null."""
+    return json.dumps(to_dict(figure), allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def to_dict(figure: Figure) -> dict[str, Any]:
+    """Return the figure as plain values.
+
+    Each mark names its kind ("line", "points", …), its colour "#rrggbb", and beside it what the colour stands for: a
+    role ("truth", "measured", …) or a label.
+    """
+    rows, columns = figure.grid
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "kind": "figure",
+        "name": figure.name,
+        "title": figure.title,
+        "caption": figure.caption,
+        "verdict": figure.verdict,
+        "grid": {"rows": rows, "columns": columns, "widths": figure.widths, "heights": figure.heights},
+        "height": _plain(figure.height),
+        "panels": [_panel(panel, figure) for panel in figure.panels],
+    }
+
+
+def _panel(panel: Panel, figure: Figure) -> dict[str, Any]:
+    rest = {key: getattr(panel, key) for key in ("title", "row", "column", "rows", "columns", "legend")}
+    return {**rest, "x": _axis(panel.x), "y": _axis(panel.y), "marks": [_mark(mark, figure) for mark in panel.marks]}
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    return {f.name: _plain(getattr(axis, f.name)) for f in fields(axis)}
+
+
+def _mark(mark: Mark, figure: Figure) -> dict[str, Any]:
+    values = {f.name: _plain(getattr(mark, f.name)) for f in fields(mark) if f.name != "colour"}
+    stands_for = {"role": mark.colour.name.lower()} if isinstance(mark.colour, Role) else {"of": mark.colour}
+    return {"mark": type(mark).__name__.lower(), "colour": figure.colour(mark.colour), **stands_for, **values}
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays and tuples as lists, numbers of numpy as Python's, what is not finite as None."""
+    if isinstance(value, np.ndarray):
+        return [_plain(item) for item in value.tolist()]
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
