@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from plugins import install
+from installed import install, plug_in
 
 from excite.errors import ExciteError
 from excite.generators import GENERATORS, in_sequence, regenerate
@@ -72,13 +72,14 @@ def outside(tmp_path, monkeypatch):
     names = ["steps_up", "silent", "nothing", "without_seed", "number", "gone"]
     entries = {name: f"outside_signals:{name}" for name in names} | {"stairs": "outside_signals:steps_up"}
     entries |= {"prbs": "outside_signals:steps_up", "absent": "no_such_module:it"}
-    install(tmp_path, monkeypatch, GENERATORS, entries, outside_signals=STAIRS)
+    install(tmp_path, "outside", {"outside_signals.py": STAIRS}, {GENERATORS.group: entries})
+    plug_in(monkeypatch, GENERATORS, tmp_path)
 
 
 def test_a_generator_of_another_package_is_one_of_the_table(outside):
     assert {"steps_up", "stairs", "prbs"} < set(GENERATORS)
     steps_up = GENERATORS["stairs"]
-    assert GENERATORS.distribution("stairs") == ("outside", "1.2") and GENERATORS.distribution("prbs") is None
+    assert GENERATORS.distribution("stairs") == ("outside", "0.1") and GENERATORS.distribution("prbs") is None
     check_generator(steps_up, {"dt": 0.1})
     signal = steps_up(dt=0.5, channels=["a", "b"], amplitude=[1, 2])
     several = in_sequence([signal, signal], rest_s=1.0)
