@@ -64,12 +64,12 @@ def multisine(
         four left out at random for detection of nonlinear distortion), or "log" (`count` logarithmically spaced lines,
         rounded to distinct whole numbers).
     count : lines of the "log" spacing, default ten a decade; lines that round to the same number count once.
-    lines : line numbers, increasing, instead of `band_hz`; or one such list a channel for an interleaved allocation.
-    spectrum : relative amplitudes of the lines: one number a line (in order of frequency), a function of f_hz (F,), or
+    lines : line numbers, increasing, instead of `band_hz`; or one such list per channel for an interleaved allocation.
+    spectrum : relative amplitudes of the lines: one number per line (in order of frequency), a function of f_hz (F,), or
         breakpoints ``[(f_hz, amplitude), …]``, linear between them and constant beyond. None: equal amplitudes.
-    amplitude : peak of the played samples in the channels' units; one number, or one a channel.
-    phases : "optimal" (smallest crest factor), "schroeder", "newman" or "random", or given in rad: one number a line, or
-        one list a channel.
+    amplitude : peak of the played samples in the channels' units; one number, or one per channel.
+    phases : "optimal" (smallest crest factor), "schroeder", "newman" or "random", or given in rad: one number per line, or
+        one list per channel.
     channels : their count, or their names with units.
     periods : whole periods to play, of every experiment.
     zero_start : move the waveform in time so that the first sample is zero; being periodic, it is back at zero one sample
@@ -86,7 +86,7 @@ def multisine(
     Returns
     -------
     Signal with u (E periods N, channels) and period N (E periods N for several experiments). The recipe holds the
-    parameters; `decided`: lines, line_amplitudes, phases (one list a channel), detection_lines, method, starts, seconds;
+    parameters; `decided`: lines, line_amplitudes, phases (one list per channel), detection_lines, method, starts, seconds;
     period_samples; experiments; for each channel crest_factor (on 16 points per period of the highest line),
     crest_factor_bound and peak_bound (over continuous time), relative_peak_factor (max - min) / (2 sqrt(2) rms) and
     chirp_likeness (1: one sweep through the band; about 1/sqrt(F): noise-like); for each output output_crest_factor;

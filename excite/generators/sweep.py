@@ -43,7 +43,7 @@ def sweep(
     - linear: f(t) = f0 + (f1 - f0) t / T, phase 2 pi (f0 t + (f1 - f0) t^2 / (2 T)): equal time per Hz.
     - log: f(t) = f0 (f1 / f0)^(t / T), phase 2 pi f0 T / ln(f1 / f0) ((f1 / f0)^(t / T) - 1): equal time per octave.
     - schroeder: periodic; all K lines k / duration_s of the band at one amplitude, with the phases -pi k (k - 1) / K,
-      k = 1 … K, which sweep upwards once a period; scaled to the peak `amplitude` (`crest_factor`).
+      k = 1 … K, which sweep upwards once per period; scaled to the peak `amplitude` (`crest_factor`).
     - stepped: one frequency after the other with continuous phase, each held for `settle_periods` and then measured for
       `measure_periods`. Frequencies move to the nearest one whose measured periods fill whole samples (`segments`), so
       that a DFT over the measured samples has no leakage.

@@ -41,7 +41,7 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         "inputs": Parameter(NONE, "1", "names with units; none: those of the actuators, without unit"),
         "outputs": Parameter(NONE, "1", "names with units; none: those of the sensors"),
         "limits": Parameter([1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one each"),
-        "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one a set-point"),
+        "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one per set-point"),
     }
 }
 
@@ -114,7 +114,7 @@ class Mjcf(LinearPlant):
         if np.abs(data.qvel).max() < FASTEST and np.abs(y).max() < DIVERGED:
             return
         raise SimulationStopped(
-            f"{self.name}: the motion diverged at {k * self.dt:.3f} s; reduce the excitation's amplitude, mend the controller, "
+            f"{self.name}: the motion diverged at {k * self.dt:.3f} s; reduce the excitation's amplitude, change the controller, "
             "or give the model a smaller timestep"
         )
 

@@ -46,7 +46,7 @@ def truth(
     "rates": commanded thrust differences to body rates, 6 states at 2 ms. The others hold with all loops closed, lifted
     over the two steps of a 4 ms frame, 11 states with the parameters of 2013; "attitude": set-points to roll, pitch and yaw
     rate; "rate_response", "motor_response": what is added there to body rates. Drag and estimator add states of their own,
-    gusts a state of noise an axis. A sagging battery is taken as fresh: it scales all thrusts by the voltage squared.
+    gusts a state of noise per axis. A sagging battery is taken as fresh: it scales all thrusts by the voltage squared.
 
     "telemetry" is "attitude" as a 10 ms log shows it. The log falls on frames and between frames in turn, so that the loop
     varies with a period of 20 ms. The model is the square root of the exact one over 20 ms, A10 = A4^(5/2) and
