@@ -6,6 +6,7 @@ from math import lcm
 
 import numpy as np
 
+from excite.arguments import same_dt
 from excite.generators.parameters import Channels, Parameters
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
@@ -191,7 +192,7 @@ def _signals(check: Parameters, signals: object) -> list[Signal]:
         kinds = [type(s).__name__ for s in signals] if isinstance(signals, Sequence) else type(signals).__name__
         raise check.bad("signals", kinds, "give at least one Signal, in a list")
     for i, s in enumerate(signals):
-        if abs(s.dt / signals[0].dt - 1) > 1e-9:
+        if not same_dt(s.dt, signals[0].dt):
             remedy = f"signals[0] has dt = {signals[0].dt:g} s; bring both to one dt with Signal.sampled"
             raise check.bad(f"signals[{i}].dt", s.dt, remedy)
     return list(signals)

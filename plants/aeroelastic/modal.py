@@ -99,7 +99,7 @@ class ModalAircraft(LinearPlant):
             found[place] = replace(entry, views=views)
         return found
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view; that of "position" is derived here.
 
         Between samples a surface moves as its servo does, so that samples of its position do not hold all that moves the
@@ -115,7 +115,7 @@ class ModalAircraft(LinearPlant):
         of y from measured positions would see the noise twice.
         """
         if view != "position":
-            return super().truth_of(view, levels)
+            return super().derive_truth(view, levels)
         roles = next(iter(self.injections.values())).views[view]
         surfaces, sensors = len(roles.inputs), len(roles.outputs)
         n = len(self.dynamics.A) - self.dynamics.noise_states - (self.feedback is not None)  # without gust and roll

@@ -65,9 +65,9 @@ class Mjcf(LinearPlant):
         given = self.values["file"]
         return files_of(Path(given)) if is_there(given) else ()
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view, good for small motions."""
-        truth = super().truth_of(view, levels)
+        truth = super().derive_truth(view, levels)
         valid = f"small motions about {self.trim.name}; the linearisation of MuJoCo's own step by central differences"
         return replace(truth, kind="linearised", valid_amplitude=valid)
 

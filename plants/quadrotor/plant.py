@@ -125,7 +125,7 @@ class Quadrotor(Plant):
         loop = Loop("closed", entry="plant input" if inject == "motor_command" else "set-point")
         return Layout((*place.channels, *self.outputs), self.dt, place.views, "rates", loop)
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the small-signal model of a view."""
         known = {c.name: c for c in (*SET_POINTS, *RATES_ADDED, *MOTORS_ADDED, *self.outputs)}
         roles = self.views[view]

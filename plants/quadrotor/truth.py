@@ -8,6 +8,7 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError
 from excite.models.state_space import StateSpaceModel
+from excite.numerics.matrices import spectral_radius
 from excite.types.channel import Channel
 from excite.types.truth import Truth
 from plants.noise import steady_kalman
@@ -77,7 +78,7 @@ def truth(
         parameters[f"{axis.name}_acceleration"] = (axis.acceleration, "rad/s2/N")
         parameters[f"{axis.name}_thrust_per_unit"] = (axis.thrust_per_unit, "N")
     if K is not None:
-        parameters["predictor_spectral_radius"] = (float(abs(la.eigvals(A - K @ C)).max()), "1")
+        parameters["predictor_spectral_radius"] = (spectral_radius(A - K @ C), "1")
     kind = "periodically time-varying" if view == "telemetry" else "linearised"
     poles = np.concatenate([_own_poles(block) for block in blocks]) ** (
         dt / (RATE_DT if view == "rates" else ATTITUDE_DT)

@@ -46,7 +46,7 @@ class Tank(Plant):
             shown = u + noise if self.fault == "shows what acts" else u
             yield np.hstack([shown, x[:-1] * (np.nan if self.fault == "not finite" else 1.0)])
 
-    def truth_of(self, view, levels):
+    def derive_truth(self, view, levels):
         a = 0.8 if self.fault == "wrong truth" else self.values["decay"]
         noise = levels["inflow"] * (1 - a)
         model = StateSpaceModel(
