@@ -55,13 +55,14 @@ def fit(
     begin = time.perf_counter()
     method = _chosen(method, settings)
     measured = _checked(data)
-    ready = _ready(method, measured)
+    shared = {} if shared is None else shared
+    ready, told = _ready(method, measured, shared)
     with blas_threads(len(measured.inputs) + len(measured.outputs)):
         check(method, ready, order)
         compressed = _compressed(method, ready, shared)
         order, notes = _order(method, compressed, ready, order)
         estimate = method.realize(compressed, order, ready)
-    estimate = replace(estimate, warnings=(*notes, *estimate.warnings), settings=Frozen(method.settings()))
+    estimate = replace(estimate, warnings=(*told, *notes, *estimate.warnings), settings=Frozen(method.settings()))
     if isinstance(measured, Records):
         estimate = _about_records(estimate, method, measured, ready)
     return replace(estimate, seconds=time.perf_counter() - begin)
@@ -124,16 +125,29 @@ def _checked(data: Any) -> Data:
     return data if isinstance(data, FrequencyResponse) else Records.of(data)
 
 
-def _ready(method: Method, measured: Data) -> Data:
-    """Return the data about their level and without the dead time that the method is told."""
+def _ready(method: Method, measured: Data, shared: MutableMapping) -> tuple[Data, tuple[str, ...]]:
+    """Return the data as the method takes them, and what was done to records in words.
+
+    Records are taken about their level and without the dead time that the method is told. Where it takes frequency
+    responses alone, its setting `response` makes one of them.
+    """
     if isinstance(measured, FrequencyResponse):
-        return measured
-    return measured.deviations().without_dead_time(method.input_delay)
+        return measured, ()
+    if method.response is None or Kind.SERIES in method.takes:
+        return measured.deviations().without_dead_time(method.input_delay), ()
+    key = ("response", method.response)
+    if key not in shared:
+        shared[key] = fit(measured, method.response, shared=shared)
+    found = shared[key]
+    if not isinstance(found.model, FrequencyResponse):
+        raise ExciteError(
+            f"{method.name}.response: {method.response.name} gives a {type(found.model).__name__}, no frequency response"
+        )
+    return found.model, (f"frequency response estimated from the records by {method.response.name}", *found.warnings)
 
 
-def _compressed(method: Method, data: Data, shared: MutableMapping | None) -> Any:
-    shared = {} if shared is None else shared
-    key = (method.compression, method.input_delay)
+def _compressed(method: Method, data: Data, shared: MutableMapping) -> Any:
+    key = (method.compression, method.input_delay, method.response)
     if key not in shared:
         shared[key] = method.compression(data)
     return shared[key]
@@ -151,20 +165,20 @@ def _order(method: Method, compressed: Any, data: Data, asked: int | str | None)
     return order, (f"order {order} chosen {why}; give the order to fix it",)
 
 
-def _about_records(estimate: Estimate, method: Method, measured: Records, ready: Records) -> Estimate:
+def _about_records(estimate: Estimate, method: Method, measured: Records, ready: Data) -> Estimate:
     """Return the estimate for the records as they were measured: gaps reported, dead time and level put back, judged."""
     span = method.span(estimate.order)
-    if span and (parts := ready.gap_free(span)).missing:
+    if isinstance(ready, Records) and span and (parts := ready.gap_free(span)).missing:
         x0 = tuple(estimate.x0[i] for i in parts.first) if estimate.x0 else ()
         estimate = replace(estimate, x0=x0, warnings=(parts.report(span), *estimate.warnings))
     if any(record.loop.state == "unknown" for record in measured.measured):
         assumed = "whether the loop was closed is unknown: taken as open"
-        estimate = replace(estimate, warnings=(assumed, *estimate.warnings))
+        estimate = replace(estimate, warnings=tuple(dict.fromkeys((assumed, *estimate.warnings))))
     if method.input_delay:
         predictor = method.consistent_in_closed_loop or measured.closed
         estimate = _behind_dead_time(estimate, measured.deviations(), method.input_delay, predictor)
     level = measured.measured[0].level
-    if level.state == "known":
+    if level.state == "known" and isinstance(estimate.model, Dynamic):
         model = replace(estimate.model, input_offset=np.array(level.u0), output_offset=np.array(level.y0))
         estimate = replace(estimate, model=model)
     judged = isinstance(estimate.model, Dynamic) and estimate.status is Status.OK and not measured.closed

@@ -45,6 +45,7 @@ class Method(ABC):
     consistent_in_closed_loop : when the input depends on past outputs through feedback; order_is : "states", "lags", or
     None for a method without an order; asymptotic : exact only as the records grow, even without noise (sample
     covariances have ends); input_delay : known dead time of all inputs in samples, where a method has that setting;
+    response : the method by which one that takes frequency responses alone makes one of records, where it has that setting;
     conformance_exceptions : name of a conformance check -> why the method does not pass it.
     """
 
@@ -56,6 +57,7 @@ class Method(ABC):
     order_is: ClassVar[str | None] = "states"
     asymptotic: ClassVar[bool] = False
     input_delay: ClassVar[int] = 0
+    response: ClassVar["Method | None"] = None
     conformance_exceptions: ClassVar[Mapping[str, str]] = Frozen()
 
     def __post_init__(self) -> None:

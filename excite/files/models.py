@@ -45,7 +45,9 @@ def model_to_dict(model: Model) -> dict[str, Any]:
 
 def model_from_dict(data: Mapping[str, Any], place: str) -> Model:
     """Return the model that `model_to_dict` described; further keys are passed over. Errors name `place` and the key."""
-    kind = data.get("kind")
+    if "kind" not in data:
+        raise ExciteError(f"{place}: key 'kind' is missing; {REMEDY}")
+    kind = data["kind"]
     if not isinstance(kind, str) or kind not in KINDS:
         known = did_you_mean(kind, KINDS) if isinstance(kind, str) else REMEDY
         raise ExciteError(f"{place}: kind {kind!r} is no kind of model; {known}")

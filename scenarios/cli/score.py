@@ -27,9 +27,11 @@ from scenarios.cli.reading import data_options, read_experiment
 def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> int:
     """Score MODEL (from `excite identify -o`) on the data in FILE."""
     from identify.estimate_json import load_estimate
+    from identify.metrics.metric import Need
     from identify.metrics.registry import find_metric
     from identify.score import by_reason
     from identify.score import score as score_estimate
+    from identify.score_json import score_to_dict
 
     estimate = load_estimate(model)
     experiment = read_experiment(file, **reading)
@@ -37,22 +39,14 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> i
     with placed(f"{model} on {file}"):
         result = score_estimate(estimate, experiment, known)
     if as_json:
-        print_json(
-            {
-                "schema_version": 1,
-                "model": model,
-                "file": file,
-                "values": result.values,
-                "per_output": result.per_output,
-                "reasons": result.reasons,
-            }
-        )
+        print_json({"schema_version": 1, "model": model, "file": file, **score_to_dict(result)})
         return 0
     for name, value in result.values.items():
-        if not name.endswith("_unclipped"):
-            note = metric.summary if (metric := find_metric(name)) else ""
-            click.echo(f"{name:<34} {value:>10.4g}  {note}")
-    for reason, names in by_reason(result.reasons).items():
+        if metric := find_metric(name):
+            click.echo(f"{name:<34} {value:>10.4g}  {metric.summary}")
+    unasked = {Need.CLEAN} | ({Need.TRUTH, Need.TRUE_MODEL} if known is None else set())
+    lacking = {name: why for name, why in result.reasons.items() if not find_metric(name).needs & unasked}
+    for reason, names in by_reason(lacking).items():
         click.echo(f"no {', '.join(names)}: {reason}")
     return 0
 

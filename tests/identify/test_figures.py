@@ -327,7 +327,7 @@ def test_many_channels_show_their_diagonal():
     wide = StateSpaceModel(model.A, np.tile(model.B, (1, 2)), np.tile(model.C, (2, 1)), np.zeros((4, 4)), DT)
     trial = comparison().rows[0].trials[0]
     trial = Trial("wide", "wide", 4, "run 0", replace(trial.estimate, model=wide), trial.score)
-    row = Row("wide", "wide", 4, True, (trial,), comparison().rows[0].summary, 1.0)
+    row = Row("wide", "wide", 4, True, (trial,), comparison().rows[0].summary, {}, 1.0)
     figure = bode(replace(comparison(), truth=None, rows=(row,)))
     check_figure(figure)
     assert [panel.title for panel in figure.panels] == [f"u{k} → y{k}" for k in range(1, 5)] and figure.grid == (2, 2)

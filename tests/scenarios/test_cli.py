@@ -575,7 +575,8 @@ def test_score_refusals(data, tmp_path):
         "": "not valid JSON",
         "[1]": "a JSON list, not a model",
         "{}": "key 'kind' is missing",
-        '{"kind": "fir"}': "'fir'",
+        '{"kind": "firr"}': "did you mean 'fir'",
+        '{"kind": "fir"}': "key 'h' is missing",
     }
     for text, message in texts.items():
         broken.write_text(text)

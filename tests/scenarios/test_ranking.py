@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from demo_package import install
-from scenarios.run.pipeline import run_scenario, to_json
 from scipy.signal import lfilter
 
 from excite.errors import ExciteError
@@ -17,6 +16,8 @@ from scenarios.report.columns import columns_of, legend
 from scenarios.report.page import page
 from scenarios.report.tables import note, ranking
 from scenarios.report.text import summary_text
+from scenarios.run.results import to_json
+from scenarios.run.run import run_scenario
 from scenarios.scenario.spec import check_scenario
 
 OWN = {"view": [{"name": "mine", "inputs": ["u"], "outputs": ["y"], "decimate": 1}]}
@@ -38,6 +39,12 @@ def run(folder, **changes):
     return run_scenario(check_scenario(source(**changes), "short.toml"), folder)
 
 
+def ranked(result):
+    """The comparison of the only view."""
+    (view,) = result.views
+    return view.comparison
+
+
 @pytest.fixture
 def deaf(monkeypatch):
     """An arx whose models have no noise part, as those of methods that see the deterministic part alone."""
@@ -53,7 +60,7 @@ def deaf(monkeypatch):
 
 def test_a_row_to_which_a_ranking_metric_does_not_apply_stands_last_with_the_reason(tmp_path, deaf):
     result = run(tmp_path / "out", score={"rank_by": ["fit_one_step"]})
-    (view,) = result.views
+    view = ranked(result)
     assert [row.method for row in view.rows] == ["ssarx", "arx"]
     assert view.rows[0].reason is None and view.rows[1].reason == "fit one step: the model has no noise part"
     assert note(view, view.rows[1]).startswith("not ranked by fit one step: the model has no noise part")
@@ -69,7 +76,7 @@ def test_a_row_to_which_a_ranking_metric_does_not_apply_stands_last_with_the_rea
 
 
 def test_a_cell_without_a_value_has_its_reason_below(tmp_path, deaf):
-    (view,) = run(tmp_path / "out").views
+    view = ranked(run(tmp_path / "out"))
     rows = {row.method: row for row in view.rows}
     assert rows["arx"].reason is None  # the ranking metrics apply
     assert "no fit one step: the model has no noise part" in note(view, rows["arx"])
@@ -80,7 +87,7 @@ def test_where_nothing_can_be_ranked_the_verdict_says_so(tmp_path):
     result = run(tmp_path / "out", score={"rank_by": ["pole_error_integrator_rad_s"]})
     text = "\n".join(summary_text(result))
     assert "no method can be ranked (integrator error: no pole of the truth is an integrator)" in text
-    assert "pole_error_integrator_rad_s" not in json.dumps(result.views[0].rows[0].summary)
+    assert "pole_error_integrator_rad_s" not in json.dumps(ranked(result).rows[0].summary)
     assert "not ranked by integrator error" in page(result, {})
 
 
@@ -112,9 +119,9 @@ def test_roles_of_ones_own_are_ranked_by_fits():
 
 def test_a_prediction_horizon_ranks(tmp_path):
     result = run(tmp_path / "out", score={"rank_by": ["fit_3_step"], "horizons_s": [3.0]})
-    assert all(row.reason is None for row in result.views[0].rows)
+    assert all(row.reason is None for row in ranked(result).rows)
     result = run(tmp_path / "other", score={"rank_by": ["fit_4_step"], "horizons_s": [3.0]})
-    assert "fit 4 samples ahead: no value" in result.views[0].rows[0].reason
+    assert "fit 4 samples ahead: no value" in ranked(result).rows[0].reason
 
 
 def test_the_legend_explains_every_column_once():
@@ -172,7 +179,7 @@ def test_a_metric_of_another_package_is_a_column_ranks_and_is_explained(tmp_path
     try:
         changes = {"score": {"rank_by": ["gain"]}, "expect": {"ssarx.gain.median": "<= 5"}}
         result = run(tmp_path / "out", **changes)
-        (view,) = result.views
+        view = ranked(result)
         assert "gain error [%]" in columns_of(view)[1] and "gain %" in ranking(view, compact=True)[0]
         medians = [row.summary["gain"]["median"] for row in view.rows]
         assert medians == sorted(medians) and result.expectations[0][2]
