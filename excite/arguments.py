@@ -53,16 +53,17 @@ def number(
     """Return a finite real number of at least `least`, beyond `above` and of at most `most`."""
     if not is_number(value):
         raise bad(place, value, *((remedy,) if remedy else ("give one", "is not a number")))
-    if not math.isfinite(value):
+    found = _float(value)
+    if not math.isfinite(found):
         raise bad(place, value, *((remedy,) if remedy else ("give a finite number", "is not finite")))
-    if not (least <= value <= most and value > above):
+    if not (least <= found <= most and found > above):
         raise bad(place, value, remedy or f"give a number, {_range(least, above, most)}")
-    return float(value)
+    return found
 
 
 def positive(value: object, place: str) -> float:
     """Return a positive finite number."""
-    if not (is_number(value) and 0 < value < np.inf):
+    if not (is_number(value) and 0 < _float(value) < np.inf):
         raise bad(place, value, "give a number above 0", "is not a positive finite number")
     return float(value)
 
@@ -133,6 +134,14 @@ def multiple(dt: float, step: float) -> int | None:
     """Return how many steps make `dt`, at least one; None where they are no whole number by the rule of `same_dt`."""
     count = round(dt / step)
     return count if count >= 1 and same_dt(dt, count * step) else None
+
+
+def _float(value: Any) -> float:
+    """Return a number as a float, infinite where it is a whole number that no float holds."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _range(least: float, above: float, most: float) -> str:

@@ -90,7 +90,7 @@ class Task:
 class Plant(ABC):
     """A simulated plant: stateless, starts at trim, SI units or a unit in every channel.
 
-    A plant gives what is listed below, and implements `records`, `simulate` and `truth_of`. `run`, `run_many` and `truth`
+    A plant gives what is listed below, and implements `records`, `simulate` and `derive_truth`. `run`, `run_many` and `truth`
     check what users ask for and are the same for all plants. In the registry stands what makes it: the class or a
     function, which takes the keywords `preset` (a name) and `parameters` (values by name).
 
@@ -119,7 +119,7 @@ class Plant(ABC):
         """Play the task once per seed; return for each the values (N, channels) of the layout, time along the rows."""
 
     @abstractmethod
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view from this plant's equations, for these standard deviations of the noise."""
 
     @cached_property
@@ -196,12 +196,12 @@ class Plant(ABC):
         if view not in views:
             raise ExciteError(f"{self.name} view '{view}' does not exist; {did_you_mean(view, views)}")
         if recording is None:
-            return self.truth_of(view, noise_levels(self.name, self.noise_sources, True))
+            return self.derive_truth(view, noise_levels(self.name, self.noise_sources, True))
         origin = recording.origin
         if origin.plant != self.name:
             raise ExciteError(f"{self.name} truth: the recording is of {origin.plant!r}; pass one of this plant")
         same = self if origin.parameters == self.values else self.again(origin.preset, origin.parameters)
-        return same.truth_of(view, origin.noise)
+        return same.derive_truth(view, origin.noise)
 
     def again(self, preset: str | None, parameters: Mapping[str, Any]) -> "Plant":
         """Return this plant with other parameters; all of them are given."""

@@ -1,5 +1,6 @@
 """The truth behind a recording of a simulated plant."""
 
+from excite.arguments import multiple
 from excite.errors import ExciteError
 from excite.types.recording import Recording
 from excite.types.truth import Truth
@@ -24,7 +25,7 @@ def truth_of(recording: Recording, view: str | None = None, dt: float | None = N
         raise ExciteError("does not say which plant and view it comes from, so there is no truth; score it without")
     plant = load_plant(origin.plant, preset=origin.preset, parameters=origin.parameters)
     truth = plant.truth(recording, view)
-    every = 1 if dt is None else round(dt / truth.model.dt)
-    if every < 1 or (dt is not None and abs(dt / (every * truth.model.dt) - 1) > 1e-6):
+    every = 1 if dt is None else multiple(dt, truth.model.dt)
+    if every is None:
         raise ExciteError(f"dt {dt:g} s is no whole multiple of the recorded {truth.model.dt:g} s; decimate the record")
     return truth.lift(every)

@@ -103,4 +103,4 @@ def test_command_entries_resolve(name):
 
 def test_generator_entries_resolve():
     assert isinstance(GENERATORS["prbs"](order=3, dt=0.1), Signal)
-    assert all(callable(generator) for generator in GENERATORS.values())
+    assert all(callable(GENERATORS[name]) for name in GENERATORS)

@@ -1,6 +1,7 @@
 """Which lines a multisine plays, and how several inputs share them so that they stay orthogonal."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -11,8 +12,6 @@ from excite.generators.parameters import Parameters
 
 check = Parameters("multisine")
 
-SPACINGS = ("full", "odd", "odd-odd", "odd-random", "log")
-ORTHOGONAL = ("interleaved", "dft", "hadamard")
 DETECTION_GROUP = 4  # one odd line in every four neighbours is left out to detect odd nonlinear distortion
 PER_DECADE = 10
 CANDIDATES = 16
@@ -29,6 +28,45 @@ def floats(name: str, value: object, remedy: str) -> np.ndarray:
     if not np.isfinite(array).all():
         raise check.bad(name, float(array[~np.isfinite(array)][0]), "every number must be finite")
     return array.astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Tones:
+    """Which lines are played: lines (F,) in multiples of 1 / (N dt), their relative amplitudes shape (F,).
+
+    owner : (F,) channel of each where the lines were given so, else None; detection : odd lines that were left out.
+    """
+
+    lines: np.ndarray
+    shape: np.ndarray
+    owner: np.ndarray | None
+    detection: np.ndarray
+
+
+def chosen_tones(
+    dt: float,
+    size: int,
+    channels: int,
+    orthogonal: str,
+    stream: np.random.SeedSequence,
+    spectrum: Callable | Sequence | None,
+    *,
+    band_hz: Sequence[float] | None,
+    spacing: str,
+    count: int | None,
+    lines: Sequence | None,
+) -> Tones:
+    """Return the lines of a band, or those given, with their relative amplitudes."""
+    check.choice("spacing", spacing, SPACINGS)
+    if lines is None:
+        (found, detection), owner = chosen_lines(band_hz, spacing, count, dt, size, stream), None
+    else:
+        found, owner = given_lines(lines, band_hz, spacing, count, size, channels, orthogonal)
+        detection = np.empty(0, int)
+    if orthogonal == "interleaved" and len(found) < channels:
+        remedy = f"only {len(found)} lines to share; widen the band or lengthen the period"
+        raise check.bad("channels", channels, remedy)
+    return Tones(found, line_shape(spectrum, found / (size * dt)), owner, detection)
 
 
 def chosen_lines(
@@ -48,40 +86,61 @@ def chosen_lines(
         raise check.bad("band_hz", band_hz, remedy)
     nyquist = 0.5 / dt
     if band[1] >= nyquist:
-        raise check.bad(
-            "band_hz", band_hz, f"{band[1]:g} Hz is not below the Nyquist frequency {nyquist:g} Hz; lower it or dt"
-        )
+        remedy = f"{band[1]:g} Hz is not below the Nyquist frequency {nyquist:g} Hz; lower it or dt"
+        raise check.bad("band_hz", band_hz, remedy)
+    if count is not None and spacing != "log":
+        raise check.bad("count", count, "only the spacing 'log' takes a count of lines; leave it out")
     period = size * dt
     low, high = max(1, int(np.ceil(band[0] * period - 1e-6))), int(np.floor(band[1] * period + 1e-6))
-    high = min(high, (size - 1) // 2)
-    lines, detection = np.arange(low, high + 1), np.empty(0, int)
-    if spacing == "log" and len(lines):
-        count = round(PER_DECADE * np.log10(high / low)) + 1 if count is None else check.whole("count", count)
-        lines = np.unique(np.round(np.geomspace(low, high, count)).astype(int))
-    elif count is not None:
-        raise check.bad("count", count, "only the spacing 'log' takes a count of lines; leave it out")
-    elif spacing == "odd-odd":
-        lines = lines[lines % 4 == 1]
-    elif spacing != "full":
-        lines = lines[lines % 2 == 1]
-    if spacing == "odd-random":
-        groups = len(lines) // DETECTION_GROUP
-        left_out = np.random.default_rng(stream).integers(DETECTION_GROUP, size=groups)
-        left_out += DETECTION_GROUP * np.arange(groups)
-        lines, detection = np.delete(lines, left_out), lines[left_out]
+    inside = np.arange(low, min(high, (size - 1) // 2) + 1)
+    lines, detection = SPACINGS[spacing](inside, count, stream) if len(inside) else (inside, inside)
     if not len(lines):
         remedy = f"no {spacing} line, a multiple of {1 / period:g} Hz, lies in it; widen it or lengthen the period"
         raise check.bad("band_hz", band_hz, remedy)
     return lines, detection
 
 
+def _every(step: int, first: int = 0) -> "Spacing":
+    """Return the spacing that keeps the lines first, first + step, … of all numbers."""
+
+    def keep(lines: np.ndarray, count: object, stream: object) -> tuple[np.ndarray, np.ndarray]:
+        return lines[lines % step == first], lines[:0]
+
+    return keep
+
+
+def _odd_random(lines: np.ndarray, count: object, stream: np.random.SeedSequence) -> tuple[np.ndarray, np.ndarray]:
+    lines = lines[lines % 2 == 1]
+    groups = len(lines) // DETECTION_GROUP
+    left_out = np.random.default_rng(stream).integers(DETECTION_GROUP, size=groups)
+    left_out += DETECTION_GROUP * np.arange(groups)
+    return np.delete(lines, left_out), lines[left_out]
+
+
+def _log(lines: np.ndarray, count: int | None, stream: object) -> tuple[np.ndarray, np.ndarray]:
+    low, high = lines[[0, -1]]
+    count = round(PER_DECADE * np.log10(high / low)) + 1 if count is None else check.whole("count", count)
+    return np.unique(np.round(np.geomspace(low, high, count)).astype(int)), lines[:0]
+
+
+# Name -> from the lines of the band (F,), `count` and a random stream: those played, and the detection lines left out.
+Spacing = Callable[[np.ndarray, int | None, np.random.SeedSequence], tuple[np.ndarray, np.ndarray]]
+SPACINGS: dict[str, Spacing] = {
+    "full": _every(1),
+    "odd": _every(2, 1),
+    "odd-odd": _every(4, 1),
+    "odd-random": _odd_random,
+    "log": _log,
+}
+
+
 def given_lines(
     lines: Sequence, band_hz: object, spacing: str, count: object, size: int, channels: int, orthogonal: str
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the given lines (F,) and, for one list a channel, the owner of each."""
+    """Return the given lines (F,) and, for one list per channel, the owner of each."""
     if band_hz is not None or spacing != "full" or count is not None:
         raise check.bad("lines", lines, "they replace band_hz, spacing and count; give one or the other")
-    remedy = "give increasing whole numbers from 1, or one such list a channel"
+    remedy = "give increasing whole numbers from 1, or one such list per channel"
     parts = check.items("lines", lines, remedy)
     nested = isinstance(parts[0], (Sequence, np.ndarray))
     parts = [floats("lines", part, remedy) for part in (parts if nested else [parts])]
@@ -94,7 +153,7 @@ def given_lines(
     if not nested:
         return parts[0].astype(int), None
     if len(parts) != channels or orthogonal != "interleaved":
-        raise check.bad("lines", lines, f"one list a channel needs {channels} lists and orthogonal = 'interleaved'")
+        raise check.bad("lines", lines, f"one list per channel needs {channels} lists and orthogonal = 'interleaved'")
     union = np.concatenate(parts).astype(int)
     if len(np.unique(union)) < len(union):
         raise check.bad("lines", lines, "channels that share a line are not orthogonal; give each line to one channel")
@@ -106,7 +165,7 @@ def line_shape(spectrum: Callable | Sequence | None, f_hz: np.ndarray) -> np.nda
     """Return the relative amplitudes (F,), the largest 1."""
     if spectrum is None:
         return np.ones(len(f_hz))
-    remedy = "give a positive number a line, a function of f_hz, or breakpoints [(f_hz, amplitude), …]"
+    remedy = "give a positive number per line, a function of f_hz, or breakpoints [(f_hz, amplitude), …]"
     values = floats("spectrum", spectrum(f_hz) if callable(spectrum) else spectrum, remedy)
     if values.ndim == 2 and values.shape[1:] == (2,) and len(values):
         if (np.diff(values[:, 0]) <= 0).any():
@@ -121,15 +180,22 @@ def line_shape(spectrum: Callable | Sequence | None, f_hz: np.ndarray) -> np.nda
     return values / values.max()
 
 
-def mixing_matrix(orthogonal: str, channels: int) -> np.ndarray:
-    """Return W (experiments, channels), with orthogonal columns of equal length; one row of ones when interleaved."""
-    if orthogonal == "interleaved" or channels == 1:
-        return np.ones((1, channels))
-    if orthogonal == "hadamard":
-        return hadamard(1 << (channels - 1).bit_length())[:, :channels].astype(float)
+def _together(channels: int) -> np.ndarray:
+    return np.ones((1, channels))
+
+
+def _dft(channels: int) -> np.ndarray:
     turns = np.outer(np.arange(channels), np.arange(channels)) % channels / channels
     W = np.exp(2j * np.pi * turns)
-    return W.real if channels == 2 else W
+    return W.real if channels <= 2 else W
+
+
+def _hadamard(channels: int) -> np.ndarray:
+    return hadamard(1 << (channels - 1).bit_length())[:, :channels].astype(float)
+
+
+# Name -> W (experiments, channels) for a number of channels, with orthogonal columns of equal length.
+ORTHOGONAL: dict[str, Callable[[int], np.ndarray]] = {"interleaved": _together, "dft": _dft, "hadamard": _hadamard}
 
 
 def round_robin(count: int, channels: int) -> np.ndarray:
@@ -165,7 +231,7 @@ def allocate(
     Which line goes to which channel matters more than the phases: lines 2, 5, 8, … lie off the multiples of their
     spacing, repeat rotated by 120 degrees every third of the period, and no phases make all rotations flat. The search
     evolves up to CANDIDATES allocations with their phases: the phases of all channels are optimised as one problem with one
-    row a channel, the best quarter survives, and copies of it in which near lines have changed places replace the rest,
+    row per channel, the best quarter survives, and copies of it in which near lines have changed places replace the rest,
     so that every channel keeps covering the band. It begins from `round_robin` and `by_divisor`.
     Deterministic for a seed unless the time limit ends it.
     """

@@ -6,6 +6,7 @@ from math import lcm
 
 import numpy as np
 
+from excite.arguments import same_dt
 from excite.generators.parameters import Channels, Parameters
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
@@ -22,7 +23,7 @@ def side_by_side(
     ----------
     signals : with one dt, and of one length unless `pad`.
     pad : whether shorter signals rest at `trim` until the longest ends; `padded_samples` and a warning say so.
-    trim : value of the padding, one number, or one a channel.
+    trim : value of the padding, one number, or one per channel.
     channels : new names; needed where the signals' own names meet twice.
 
     The period is the least common multiple of the signals' periods when all have one, nothing is padded and it fits into
@@ -80,7 +81,7 @@ def in_sequence(signals: Sequence[Signal], *, rest_s: float = 0.0, trim: Trim = 
     ----------
     signals : with one dt and the same channels.
     rest_s : s, 0 for none; use `rest` for rests of different lengths.
-    trim : value at rest, one number, or one a channel.
+    trim : value at rest, one number, or one per channel.
 
     The recipe's `starts` are the first samples of the signals. Only a single signal keeps its period.
 
@@ -116,7 +117,7 @@ def in_sequence(signals: Sequence[Signal], *, rest_s: float = 0.0, trim: Trim = 
 
 
 def rest(*, dt: float, duration_s: float, trim: Trim = 0.0, channels: Channels = 1, seed: int = 0) -> Signal:
-    """Return a signal that stays at `trim`, one number, or one a channel; `seed` changes nothing.
+    """Return a signal that stays at `trim`, one number, or one per channel; `seed` changes nothing.
 
     Raises ExciteError naming the parameter, its value and the remedy.
     """
@@ -145,7 +146,7 @@ def with_ramps(signal: Signal, *, up_s: float, down_s: float | None = None, trim
     signal : stays as it is; the recipe's `core_start` and `core_samples` say where it lies.
     up_s, down_s : length of the ramps, s, 0 for none; down_s defaults to up_s. The ramp up starts at trim, the ramp down
         ends there.
-    trim : one number, or one a channel.
+    trim : one number, or one per channel.
 
     The result has no period; the recipe's `core_period` is the signal's own.
 
@@ -191,7 +192,7 @@ def _signals(check: Parameters, signals: object) -> list[Signal]:
         kinds = [type(s).__name__ for s in signals] if isinstance(signals, Sequence) else type(signals).__name__
         raise check.bad("signals", kinds, "give at least one Signal, in a list")
     for i, s in enumerate(signals):
-        if abs(s.dt / signals[0].dt - 1) > 1e-9:
+        if not same_dt(s.dt, signals[0].dt):
             remedy = f"signals[0] has dt = {signals[0].dt:g} s; bring both to one dt with Signal.sampled"
             raise check.bad(f"signals[{i}].dt", s.dt, remedy)
     return list(signals)

@@ -15,7 +15,6 @@ from time import perf_counter
 
 import numpy as np
 import scipy.fft as fft
-from scipy.optimize import linprog
 
 GRID = 16  # points per period of the highest line: the grid on which crest factors are quoted
 FINE = 128  # the grid of the bound, which then lies at most 0.03 % above the true peak
@@ -165,6 +164,8 @@ def minimax(
 
     Guillaume et al. (1991) show that the minimax solution is what the 2p-norm tends to; the linear program reaches it.
     """
+    from scipy.optimize import linprog  # it costs a fifth of the time of importing excite, and few designs need it
+
     weights, grid = _unit_rms(weights), _Grid(lines, POLISH_GRID)
     count, radius = len(phases), 0.1
     c = weights * np.exp(1j * phases)

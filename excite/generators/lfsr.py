@@ -51,6 +51,42 @@ PRIMES = (
     524287,
     2147483647,
 )
+# Order n -> taps t of s(k+n) = s(k) + sum s(k+t) mod 2: the table of scipy.signal.max_len_seq, which names New Wave
+# Instruments' list of m-sequence feedback taps (first entry of each length) as its source. The tests prove every
+# polynomial primitive. Other lists, such as Xilinx XAPP052, differ for some orders and serve equally.
+TAPS: dict[int, tuple[int, ...]] = {
+    2: (1,),
+    3: (2,),
+    4: (3,),
+    5: (3,),
+    6: (5,),
+    7: (6,),
+    8: (7, 6, 1),
+    9: (5,),
+    10: (7,),
+    11: (9,),
+    12: (11, 10, 4),
+    13: (12, 11, 8),
+    14: (13, 12, 2),
+    15: (14,),
+    16: (15, 13, 4),
+    17: (14,),
+    18: (11,),
+    19: (18, 17, 14),
+    20: (17,),
+    21: (19,),
+    22: (21,),
+    23: (18,),
+    24: (23, 22, 17),
+    25: (22,),
+    26: (25, 24, 20),
+    27: (26, 25, 22),
+    28: (25,),
+    29: (27,),
+    30: (29, 28, 7),
+    31: (28,),
+    32: (31, 30, 10),
+}
 MAX_ZECH_ORDER = 14  # beyond it, trying all spacings would take longer than generating the signal
 MAX_PAIR_ORDER = 20  # beyond it, correlating two sequences over one period would
 PAIRS = 1 << 24  # chips of correlations that `least_correlated` computes, at most about half of them

@@ -4,14 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from excite.generators import allocation, crest
-from excite.generators.allocation import ORTHOGONAL, SPACINGS, check, floats
+from excite.arguments import same_dt
+from excite.generators.allocation import ORTHOGONAL, check, chosen_tones, floats
+from excite.generators.line_phases import Frame, design
+from excite.generators.line_report import figures, warnings_of
 from excite.generators.parameters import Channels
 from excite.models.state_space import StateSpaceModel
+from excite.plain import plain
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
-
-PHASES = ("optimal", "schroeder", "newman", "random")
 
 
 def multisine(
@@ -63,12 +64,12 @@ def multisine(
         four left out at random for detection of nonlinear distortion), or "log" (`count` logarithmically spaced lines,
         rounded to distinct whole numbers).
     count : lines of the "log" spacing, default ten a decade; lines that round to the same number count once.
-    lines : line numbers, increasing, instead of `band_hz`; or one such list a channel for an interleaved allocation.
-    spectrum : relative amplitudes of the lines: one number a line (in order of frequency), a function of f_hz (F,), or
+    lines : line numbers, increasing, instead of `band_hz`; or one such list per channel for an interleaved allocation.
+    spectrum : relative amplitudes of the lines: one number per line (in order of frequency), a function of f_hz (F,), or
         breakpoints ``[(f_hz, amplitude), …]``, linear between them and constant beyond. None: equal amplitudes.
-    amplitude : peak of the played samples in the channels' units; one number, or one a channel.
-    phases : "optimal" (smallest crest factor), "schroeder", "newman" or "random", or given in rad: one number a line, or
-        one list a channel.
+    amplitude : peak of the played samples in the channels' units; one number, or one per channel.
+    phases : "optimal" (smallest crest factor), "schroeder", "newman" or "random", or given in rad: one number per line, or
+        one list per channel.
     channels : their count, or their names with units.
     periods : whole periods to play, of every experiment.
     zero_start : move the waveform in time so that the first sample is zero; being periodic, it is back at zero one sample
@@ -85,7 +86,7 @@ def multisine(
     Returns
     -------
     Signal with u (E periods N, channels) and period N (E periods N for several experiments). The recipe holds the
-    parameters; `decided`: lines, line_amplitudes, phases (one list a channel), detection_lines, method, starts, seconds;
+    parameters; `decided`: lines, line_amplitudes, phases (one list per channel), detection_lines, method, starts, seconds;
     period_samples; experiments; for each channel crest_factor (on 16 points per period of the highest line),
     crest_factor_bound and peak_bound (over continuous time), relative_peak_factor (max - min) / (2 sqrt(2) rms) and
     chirp_likeness (1: one sweep through the band; about 1/sqrt(F): noise-like); for each output output_crest_factor;
@@ -101,252 +102,87 @@ def multisine(
     IEEE Trans. IM 40, 1991 (the 2p-norm, joint input-output); Pintelon and Schoukens, System Identification, 2012,
     sections 2.7 and 5.2 (orthogonal multisines); Morelli, J. Aircraft 49, 2012 (interleaved lines, relative peak factor).
     """
+    frame = _frame(dt, period_s, periods, channels, amplitude, orthogonal, zero_start, model, seed)
+    wanted = {"band_hz": band_hz, "spacing": spacing, "count": count, "lines": lines}
+    tones = chosen_tones(frame.dt, frame.size, len(frame.channels), orthogonal, frame.streams[0], spectrum, **wanted)
+    effort = {"crest_target": crest_target, **_effort(crest_target, starts, time_limit_s)}
+    if decided is None:
+        decided = design(frame, tones, phases, effort)
+    played = _checked(decided, len(frame.channels), frame.size)
+    report = figures(*played, frame)
+    values = {
+        "dt": frame.dt,
+        "period_s": float(period_s),
+        **wanted,
+        "spectrum": None if spectrum is None else tones.shape.tolist(),
+        "amplitude": frame.levels,
+        "phases": phases,
+        "channels": [str(c) for c in frame.channels],
+        "orthogonal": orthogonal,
+        "periods": frame.periods,
+        "zero_start": frame.zero_start,
+        "model": None if frame.model is None else {k: getattr(frame.model, k).tolist() for k in "ABCD"},
+        **effort,
+        "seed": frame.seed,
+        "decided": decided,
+        "period_samples": frame.size,
+        "experiments": len(frame.mixing),
+        **report,
+    }
+    warnings = warnings_of(decided, report, frame, crest_target, count)
+    recipe = Recipe.of(multisine, warnings, **plain(values, finite=False))
+    experiments = len(frame.mixing)
+    period = frame.size * (frame.periods * experiments if experiments > 1 else 1)
+    return Signal(_play(frame, *played), frame.dt, frame.channels, period, recipe)
+
+
+def _frame(
+    dt: float,
+    period_s: float,
+    periods: int,
+    channels: Channels,
+    amplitude: float | Sequence[float],
+    orthogonal: str,
+    zero_start: bool,
+    model: StateSpaceModel | Mapping | None,
+    seed: int,
+) -> Frame:
+    """Return what does not depend on the lines, checked."""
     dt = check.seconds("dt", dt)
     size = _whole_period(period_s, dt)
     periods, seed = check.whole("periods", periods), check.seed(seed)
     names = check.channels(channels)
     levels = check.amplitudes("amplitude", amplitude, len(names))
-    check.choice("spacing", spacing, SPACINGS)
-    check.choice("orthogonal", orthogonal, ORTHOGONAL)
-    check.flag("zero_start", zero_start)
-    starts = None if starts is None else check.whole("starts", starts)
-    time_limit_s = None if time_limit_s is None else check.seconds("time_limit_s", time_limit_s)
-    if crest_target is not None:
-        check.number("crest_target", crest_target, "give peak over rms, at least 1; 1.4 suits many lines", least=1)
-    mixing = allocation.mixing_matrix(orthogonal, len(names))
+    mixing = ORTHOGONAL[check.choice("orthogonal", orthogonal, ORTHOGONAL)](len(names))
+    zero_start = check.flag("zero_start", zero_start)
     remedy = "shorten the period, or play fewer periods or channels"
     check.bounded("period_s", period_s, size * periods * len(mixing), len(names), remedy)
     model = _model(model, dt, len(names))
     real = np.isreal(mixing).all()
     if zero_start and (not real or (model is not None and len(names) > 1)):
-        reason = (
-            "channels of 'dft' are not in phase" if not real else "shifts of several inputs change the model's outputs"
-        )
-        raise check.bad(
-            "zero_start", zero_start, f"{reason}; use one channel, or 'hadamard' or 'interleaved' without a model"
-        )
+        reason = "shifts of several inputs change the model's outputs" if real else "channels of 'dft' are not in phase"
+        remedy = f"{reason}; use one channel, or 'hadamard' or 'interleaved' without a model"
+        raise check.bad("zero_start", zero_start, remedy)
+    return Frame(dt, size, periods, names, levels, mixing, zero_start, model, seed)
 
-    streams = np.random.SeedSequence(seed).spawn(3 + len(names))
-    if lines is None:
-        (union, detection), owner = allocation.chosen_lines(band_hz, spacing, count, dt, size, streams[0]), None
-    else:
-        union, owner = allocation.given_lines(lines, band_hz, spacing, count, size, len(names), orthogonal)
-        detection = np.empty(0, int)
-    if orthogonal == "interleaved" and len(union) < len(names):
-        raise check.bad(
-            "channels", len(names), f"only {len(union)} lines to share; widen the band or lengthen the period"
-        )
-    shape = allocation.line_shape(spectrum, union / (size * dt))
-    response = None if model is None else model.frf(union / (size * dt))
-    if decided is None:
-        search = {"starts": starts, "time_limit_s": time_limit_s, "target": crest_target}
-        decided = _design(union, owner, shape, levels, phases, mixing, response, search, streams[1:], zero_start, size)
-        decided["detection_lines"] = detection.tolist()
-    numbers, amplitudes, angles = _checked(decided, len(names), size)
 
-    u = np.empty((len(mixing), periods, size, len(names)))
-    for c, (l, a, phi) in enumerate(zip(numbers, amplitudes, angles, strict=True)):
-        u[..., c] = _period_of(l, a * np.exp(1j * phi) * mixing[:, c : c + 1], size)[:, None, :]
-    u = np.clip(u.reshape(-1, len(names)), -np.array(levels), levels)  # rounding must not exceed the level by a bit
-
-    report = _report(numbers, amplitudes, angles, mixing, model, size, dt)
-    values = {
-        "dt": dt,
-        "period_s": float(period_s),
-        "band_hz": band_hz,
-        "spacing": spacing,
-        "count": count,
-        "lines": lines,
-        "spectrum": None if spectrum is None else shape.tolist(),
-        "amplitude": levels,
-        "phases": phases,
-        "channels": [str(c) for c in names],
-        "orthogonal": orthogonal,
-        "periods": periods,
-        "zero_start": bool(zero_start),
-        "model": None if model is None else {k: getattr(model, k).tolist() for k in "ABCD"},
-        "crest_target": crest_target,
-        "starts": starts,
-        "time_limit_s": time_limit_s,
-        "seed": seed,
-        "decided": decided,
-        "period_samples": size,
-        "experiments": len(mixing),
-        **report,
+def _effort(crest_target: float | None, starts: int | None, time_limit_s: float | None) -> dict:
+    """Return the limits of the search for phases, checked."""
+    if crest_target is not None:
+        check.number("crest_target", crest_target, "give peak over rms, at least 1; 1.4 suits many lines", least=1)
+    return {
+        "starts": None if starts is None else check.whole("starts", starts),
+        "time_limit_s": None if time_limit_s is None else check.seconds("time_limit_s", time_limit_s),
     }
-    recipe = Recipe.of(
-        multisine, _warnings(decided, report, crest_target, len(mixing), periods, count), **_plain(values)
-    )
-    return Signal(u, dt, names, size * (periods * len(mixing) if len(mixing) > 1 else 1), recipe)
 
 
-def _design(
-    lines: np.ndarray,
-    owner: np.ndarray | None,
-    shape: np.ndarray,
-    levels: list[float],
-    phases: str | Sequence,
-    mixing: np.ndarray,
-    response: np.ndarray | None,
-    search: Mapping,
-    streams: list,
-    zero_start: bool,
-    size: int,
-) -> dict:
-    """Return lines, amplitudes and phases of every channel, with the method, the starts and the seconds it took."""
-    count, shared = len(levels), len(mixing) > 1
-    optimal = isinstance(phases, str) and phases == "optimal"
-    made, seconds, table = 0, 0.0, None
-    if shared:
-        plays = np.ones((count, len(lines)), bool)
-    else:
-        if owner is None and optimal and count > 1:
-            limit, target = search["time_limit_s"], search["target"]
-            half = None if limit is None else limit / 2
-            rounds = 6 if search["starts"] is None else int(np.clip(search["starts"] // 8, 1, 6))
-            owner, table, seconds = allocation.allocate(
-                lines, shape, count, seed=streams[0], rounds=rounds, time_limit_s=half, target=target
-            )
-        elif owner is None:
-            owner = allocation.round_robin(len(lines), count)
-        plays = owner == np.arange(count)[:, None]
-
-    if not optimal:
-        table = _given_phases(phases, lines, shape, plays, streams[2:])
-    elif response is not None or shared or count == 1:
-        dense = plays * shape
-        dense = dense * (levels / np.sqrt((dense**2).sum(1)) / max(levels))[:, None]
-        weights = shape * _distinct_rotations(mixing) if shared else dense
-        if response is not None:
-            outputs = np.einsum("kjc,ec,ck->ejk", response, mixing, dense).reshape(-1, len(lines))
-            weights = np.concatenate([weights, outputs])
-        found = crest.optimise(lines, weights, seed=streams[1], initial=table, **_rest(search, seconds, 1))
-        table, made, seconds = np.tile(found.phases, (count, 1)), found.starts, seconds + found.seconds
-    else:
-        begun, table = table, np.zeros(plays.shape)
-        for c, mine in enumerate(plays):
-            initial = None if begun is None else begun[mine]
-            limits = _rest(search, seconds, count - c)
-            found = crest.optimise(lines[mine], shape[mine], seed=streams[2 + c], initial=initial, **limits)
-            table[c, mine], made, seconds = found.phases, made + found.starts, seconds + found.seconds
-
-    decided, peaks = {"lines": [], "line_amplitudes": [], "phases": []}, []
-    for c, mine in enumerate(plays):
-        l, a, phi = lines[mine], shape[mine] / shape[mine].max(), table[c, mine]
-        phi = crest.zero_shift(l, a, phi) if zero_start else phi
-        peaks.append(np.abs(_period_of(l, a * np.exp(1j * phi) * mixing[:, c : c + 1], size)).max())
-        for key, values in (("lines", l), ("line_amplitudes", a), ("phases", phi)):
-            decided[key].append(values)
-    if shared:
-        peaks = [max(peaks)] * count  # one factor for all channels keeps the condition number at 1
-    decided["line_amplitudes"] = [levels[c] / peaks[c] * a for c, a in enumerate(decided["line_amplitudes"])]
-    decided = _plain(decided)
-    method = phases if isinstance(phases, str) else "given"
-    return decided | {"method": method, "starts": made, "seconds": round(seconds, 3)}
-
-
-def _rest(search: Mapping, seconds: float, sharing: int) -> dict:
-    """The search limits with this channel's share of what is left of the time."""
-    limit = search["time_limit_s"]
-    return {**search, "time_limit_s": None if limit is None else max(limit - seconds, 0.02 * limit) / sharing}
-
-
-def _distinct_rotations(mixing: np.ndarray) -> np.ndarray:
-    """Distinct factors (R, 1) up to the sign by which experiments multiply a channel: one row each."""
-    angles = np.unique(np.round(np.angle(mixing) % np.pi, 9) % round(np.pi, 9))
-    return np.exp(1j * angles)[:, None]
-
-
-def _given_phases(
-    phases: str | Sequence, lines: np.ndarray, shape: np.ndarray, plays: np.ndarray, streams: list
-) -> np.ndarray:
-    """Return the phases (channels, F) of a rule, or those given."""
-    table = np.zeros(plays.shape)
-    if not isinstance(phases, str):
-        return _explicit_phases(phases, plays)
-    check.choice("phases", phases, PHASES)
-    for c, mine in enumerate(plays):
-        if phases == "random":
-            table[c, mine] = np.random.default_rng(streams[c]).uniform(0, 2 * np.pi, mine.sum())
-        else:
-            schroeder = phases == "schroeder"
-            table[c, mine] = crest.schroeder(lines[mine], shape[mine]) if schroeder else crest.newman(mine.sum())
-    return table
-
-
-def _explicit_phases(phases: Sequence, plays: np.ndarray) -> np.ndarray:
-    table, counts = np.zeros(plays.shape), plays.sum(1).tolist()
-    remedy = f"give one of {', '.join(PHASES)}, or numbers in rad"
-    given = check.items("phases", phases, remedy)
-    nested = isinstance(given[0], (Sequence, np.ndarray))
-    given = [floats("phases", p, remedy) for p in (given if nested else [given])]
-    if not nested and (plays.all() or len(plays) == 1):
-        given = given * len(plays)
-    if [p.shape for p in given] != [(n,) for n in counts]:
-        got = ", ".join(str(p.size) for p in given)
-        raise check.bad("phases", f"{got} numbers", f"give one a line: {', '.join(map(str, counts))} for each channel")
-    for c, mine in enumerate(plays):
-        table[c, mine] = given[c]
-    return table
-
-
-def _period_of(lines: np.ndarray, c: np.ndarray, size: int) -> np.ndarray:
-    """One period (E, N) of Re sum_k c[:, k] exp(2 pi j lines[k] n / N)."""
-    scale = np.abs(c).max()
-    spectrum = np.zeros((len(c), size // 2 + 1), complex)
-    spectrum[:, lines] = c / scale * (size / 2)
-    return scale * np.fft.irfft(spectrum, size)
-
-
-def _report(
-    lines: list, amplitudes: list, phases: list, mixing: np.ndarray, model: StateSpaceModel | None, size: int, dt: float
-) -> dict:
-    """Return the figures of every channel, the worst of its experiments, and of every output of the model."""
-    keys = ("crest_factor", "crest_factor_bound", "peak_bound", "relative_peak_factor", "chirp_likeness")
-    report = {key: [] for key in (*keys, "output_crest_factor")}
-    turns = _distinct_rotations(mixing)
-    for l, a, phi in zip(lines, amplitudes, phases, strict=True):
-        bound = max(crest.crest_bound(l, a * turn, phi)[0] for turn in turns)
-        figures = (
-            crest.crest_factor(l, a * turns, phi).max(),
-            bound,
-            bound * a.max() * np.sqrt(((a / a.max()) ** 2).sum() / 2),
-            crest.relative_peak_factor(l, a * turns, phi).max(),
-            crest.chirp_likeness(l, a, phi),
-        )
-        for key, value in zip(keys, figures, strict=True):
-            report[key].append(None if value is None else float(value))
-    if model is not None:
-        union = np.unique(np.concatenate(lines))
-        dense = np.zeros((len(lines), len(union)), complex)
-        for c, (l, a, phi) in enumerate(zip(lines, amplitudes, phases, strict=True)):
-            dense[c, np.searchsorted(union, l)] = a * np.exp(1j * phi)
-        outputs = np.einsum("kjc,ec,ck->jek", model.frf(union / (size * dt)), mixing, dense)
-        report["output_crest_factor"] = [
-            float(crest.crest_factor(union, y, np.zeros(len(union))).max()) for y in outputs
-        ]
-    return report
-
-
-def _warnings(
-    decided: Mapping, report: Mapping, target: float | None, experiments: int, periods: int, count: int | None
-) -> list[str]:
-    warnings = []
-    worst = max(report["crest_factor"] + report["output_crest_factor"])
-    if target is not None and worst > target:
-        effort = f"{decided['starts']} starts and {decided['seconds']:g} s"
-        remedy = "allow more starts or time, or play more lines" if decided["starts"] else "use phases = 'optimal'"
-        warnings.append(
-            f"crest factor {worst:.4f} misses the target {target:g} after {effort}, the best found; {remedy}"
-        )
-    if experiments > 1 and periods == 1:
-        warnings.append(
-            "each experiment plays one period, which holds the transient from the one before; play two or more"
-        )
-    played = len(set().union(*decided["lines"]))
-    if count is not None and played < count:
-        warnings.append(f"{count} lines were asked for, {played} remain after rounding; lengthen the period")
-    return warnings
+def _play(frame: Frame, lines: list[np.ndarray], amplitudes: list[np.ndarray], phases: list[np.ndarray]) -> np.ndarray:
+    """Return u (E periods N, channels) of lines, amplitudes and phases, one array per channel."""
+    u = np.empty((len(frame.mixing), frame.periods, frame.size, len(lines)))
+    for c, (l, a, phi) in enumerate(zip(lines, amplitudes, phases, strict=True)):
+        u[..., c] = frame.period_of(l, a * np.exp(1j * phi), c)[:, None, :]
+    levels = np.array(frame.levels)
+    return np.clip(u.reshape(-1, len(lines)), -levels, levels)  # rounding must not exceed the level by a bit
 
 
 def _checked(decided: object, channels: int, size: int) -> tuple[list, list, list]:
@@ -388,7 +224,7 @@ def _model(model: object, dt: float, channels: int) -> StateSpaceModel | None:
         model = StateSpaceModel(**model, dt=dt)
     if not isinstance(model, StateSpaceModel):
         raise check.bad("model", type(model).__name__, "give a StateSpaceModel, or A, B, C and D in a mapping")
-    if abs(model.dt / dt - 1) > 1e-9:
+    if not same_dt(model.dt, dt):
         raise check.bad("model", f"dt {model.dt:g} s", f"the signal is sampled every {dt:g} s; resample the model")
     if len(model.inputs) != channels:
         raise check.bad("model", f"{len(model.inputs)} inputs", f"the signal has {channels} channels; they must agree")
@@ -398,12 +234,3 @@ def _model(model: object, dt: float, channels: int) -> StateSpaceModel | None:
             "model", f"pole of modulus {poles.max():.6g}", "it has no periodic steady state; close the loop first"
         )
     return model
-
-
-def _plain(value: object) -> object:
-    """Lists, numbers and text for JSON instead of arrays, tuples and NumPy scalars."""
-    if isinstance(value, Mapping):
-        return {key: _plain(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value

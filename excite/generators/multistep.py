@@ -58,7 +58,7 @@ def multistep(
     steps : steps of a "staircase" from 0 to the amplitude; default 4.
     repeats : how often pattern and rest are played; default 1. Not for "step".
     alternate : whether every second repetition has the opposite sign; default false. Not for "step".
-    amplitude : not zero; negative begins downwards; one number, or one a channel, in the channels' units.
+    amplitude : not zero; negative begins downwards; one number, or one per channel, in the channels' units.
     offset : level at rest, likewise.
     channels : their count, or their names with units. Each plays the whole, lead included, while the others rest.
     seed : taken for uniformity; the signal is deterministic.

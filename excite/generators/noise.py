@@ -1,11 +1,14 @@
 """Random signals: white and band-limited Gaussian, random binary, generalised binary and multilevel noise."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
 from excite.generators.parameters import Channels, Parameters
+from excite.types.channel import Channel
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
@@ -46,7 +49,7 @@ def noise(
     form : "white", "band-limited", "binary", "gbn" or "multilevel".
     dt : sampling time, s.
     duration_s : length, s.
-    rms : standard deviation of white and band-limited noise, in the channels' units; one number, or one a channel;
+    rms : standard deviation of white and band-limited noise, in the channels' units; one number, or one per channel;
         default 1. It belongs to the ensemble; a realisation's own rms is in the recipe.
     amplitude : peak of the other forms, likewise; default 1.
     offset : mean that is added, likewise.
@@ -75,11 +78,6 @@ def noise(
     Tulleken, Generalized binary noise test-signal concept for improved identification-experiment design, Automatica 26,
     1990; Ljung, System Identification, 1999, section 13.3.
     """
-    dt = check.seconds("dt", dt)
-    seed = check.seed(seed)
-    named = check.channels(channels)
-    count = len(named)
-    form = check.choice("form", form, FORMS)
     given = {
         "rms": rms,
         "amplitude": amplitude,
@@ -89,51 +87,94 @@ def noise(
         "mean_hold_s": mean_hold_s,
         "levels": levels,
     }
-    play, used = FORMS[form]
-    own = check.fill(form, used, given)
+    plan = _checked(form, dt, duration_s, periods, channels, seed, offset, given)
+    u, rms_played, peak_played = _play(plan)
+    named = [str(c) for c in plan.channels]
+    still = [name for name, column in zip(named, u.T, strict=True) if (column == column[0]).all()]
+    recipe = Recipe.of(
+        noise,
+        form=form,
+        dt=plan.dt,
+        duration_s=float(duration_s),
+        **(dict.fromkeys(given) | plan.own),
+        offset=plan.offsets,
+        periods=periods,
+        channels=named,
+        seed=plan.seed,
+        **plan.decisions,
+        realised_rms=rms_played.tolist(),
+        realised_peak=peak_played.tolist(),
+        warnings=[f"{name} never changes in {duration_s:g} s; play longer" for name in still],
+    )
+    periodic = periods is not None or form == "band-limited"
+    return Signal(u, plan.dt, plan.channels, plan.length if periodic else None, recipe)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What is asked for, checked.
+
+    length : samples of one period; repeats : periods played; own : the form's own parameters, with the defaults filled in;
+    decisions : what followed from them.
+    """
+
+    form: str
+    dt: float
+    channels: tuple[Channel, ...]
+    seed: int
+    length: int
+    repeats: int
+    offsets: list[float]
+    own: dict[str, Any]
+    decisions: dict[str, Any]
+
+
+def _checked(
+    form: str,
+    dt: float,
+    duration_s: float,
+    periods: int | None,
+    channels: Channels,
+    seed: int,
+    offset: float | Sequence[float],
+    given: Mapping,
+) -> _Plan:
+    dt = check.seconds("dt", dt)
+    seed = check.seed(seed)
+    named = check.channels(channels)
+    form = check.choice("form", form, FORMS)
+    own = check.fill(form, FORMS[form].uses, given)
     samples = check.samples("duration_s", duration_s, dt)
     repeats = check.whole("periods", 1 if periods is None else periods)
     length = samples // repeats
     if length * repeats != samples or length == 0:
         remedy = f"{samples} samples are not {repeats} equal periods; play {max(length, 1) * repeats * dt:g} s"
         raise check.bad("periods", periods, remedy)
-    check.bounded("duration_s", duration_s, samples, count, "shorten it, or give fewer channels")
+    check.bounded("duration_s", duration_s, samples, len(named), "shorten it, or give fewer channels")
     size = "rms" if "rms" in own else "amplitude"
-    own[size] = check.amplitudes(size, own[size], count)
-    offsets = check.offsets("offset", offset, count)
-
-    u, decisions = np.empty((samples, count)), {"probability": None, "expected_hold_s": None, "lines_hz": None}
-    chips = length
+    own[size] = check.amplitudes(size, own[size], len(named))
+    offsets = check.offsets("offset", offset, len(named))
     if "hold" in own:
         own["hold"] = check.whole("hold", own["hold"])
         if own["hold"] > length:
-            raise check.bad("hold", hold, f"a period has {length} samples; lower it, or play longer")
-        chips = -(-length // own["hold"])
-    realised = np.empty((2, count))
-    for c, stream in enumerate(np.random.SeedSequence(seed).spawn(count)):
-        wave, decided = play(_uniform(stream, chips), own, dt)
-        wave = own[size][c] * np.repeat(wave, own.get("hold", 1))[:length]
-        realised[:, c] = np.sqrt((wave**2).mean()), np.abs(wave).max()
-        u[:, c] = offsets[c] + np.tile(wave, repeats)
-        decisions |= decided
-    period = length if periods is not None or form == "band-limited" else None
-    constant = [str(named[c]) for c in np.flatnonzero((u == u[0]).all(axis=0))]
-    recipe = Recipe.of(
-        noise,
-        form=form,
-        dt=dt,
-        duration_s=float(duration_s),
-        **(dict.fromkeys(given) | own),
-        offset=offsets,
-        periods=periods,
-        channels=[str(c) for c in named],
-        seed=seed,
-        **decisions,
-        realised_rms=realised[0].tolist(),
-        realised_peak=realised[1].tolist(),
-        warnings=[f"{name} never changes in {duration_s:g} s; play longer" for name in constant],
-    )
-    return Signal(u, dt, named, period, recipe)
+            raise check.bad("hold", given["hold"], f"a period has {length} samples; lower it, or play longer")
+    own, decisions = FORMS[form].settle(own, length, dt)
+    return _Plan(form, dt, named, seed, length, repeats, offsets, own, NOTHING_DECIDED | decisions)
+
+
+def _play(plan: _Plan) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return u (N, channels), and rms and peak of each channel about its offset."""
+    form, size = FORMS[plan.form], plan.own.get("rms", plan.own.get("amplitude"))
+    hold = plan.own.get("hold", 1)
+    chips = -(-plan.length // hold)
+    u = np.empty((plan.length * plan.repeats, len(plan.channels)))
+    rms, peak = np.empty((2, len(plan.channels)))
+    for c, stream in enumerate(np.random.SeedSequence(plan.seed).spawn(len(plan.channels))):
+        wave = form.play(_uniform(stream, chips), plan.own | plan.decisions, plan.dt)
+        wave = size[c] * np.repeat(wave, hold)[: plan.length]
+        rms[c], peak[c] = np.sqrt((wave**2).mean()), np.abs(wave).max()
+        u[:, c] = plan.offsets[c] + np.tile(wave, plan.repeats)
+    return u, rms, peak
 
 
 def _uniform(stream: np.random.SeedSequence, count: int) -> np.ndarray:
@@ -141,38 +182,57 @@ def _uniform(stream: np.random.SeedSequence, count: int) -> np.ndarray:
     return ((np.random.PCG64(stream).random_raw(count) >> np.uint64(12)) + 0.5) * 2.0**-52
 
 
-def _white(draws: np.ndarray, own: dict, dt: float) -> tuple[np.ndarray, dict]:
-    return ndtri(draws), {}
+def _gaussian(draws: np.ndarray, known: Mapping, dt: float) -> np.ndarray:
+    return ndtri(draws)
 
 
-def _band_limited(draws: np.ndarray, own: dict, dt: float) -> tuple[np.ndarray, dict]:
-    low, high = own["band_hz"] = _band(own["band_hz"], dt)
-    f_hz = np.fft.rfftfreq(len(draws), dt)
-    inside = (f_hz >= low * (1 - 1e-12)) & (f_hz <= high * (1 + 1e-12)) & (f_hz > 0)
-    if not inside.any():
-        spacing = f"the lines of {len(draws)} samples are {1 / (len(draws) * dt):g} Hz apart"
-        raise check.bad("band_hz", [low, high], f"{spacing} and none lies inside; widen the band, or play longer")
+def _in_band(draws: np.ndarray, known: Mapping, dt: float) -> np.ndarray:
+    f_hz, inside = _lines(known["band_hz"], len(draws), dt)
     weights = np.where(f_hz < 0.5 / dt * (1 - 1e-12), 2, 1)[inside].sum()  # a line below Nyquist stands for two
     wave = np.fft.irfft(np.where(inside, np.fft.rfft(ndtri(draws)), 0.0), len(draws))
-    return wave * np.sqrt(len(draws) / weights), {"lines_hz": [float(f_hz[inside][0]), float(f_hz[inside][-1])]}
+    return wave * np.sqrt(len(draws) / weights)
 
 
-def _band(band_hz: object, dt: float) -> list[float]:
-    limits = check.items("band_hz", band_hz, "give [low, high] in Hz")
+def _binary(draws: np.ndarray, known: Mapping, dt: float) -> np.ndarray:
+    return np.where(draws < 0.5, -1.0, 1.0)
+
+
+def _switching(draws: np.ndarray, known: Mapping, dt: float) -> np.ndarray:
+    switches = draws < known["probability"]
+    switches[0] = draws[0] < 0.5  # the first draw is the first sign
+    return 1.0 - 2.0 * (np.cumsum(switches) & 1)
+
+
+def _multilevel(draws: np.ndarray, known: Mapping, dt: float) -> np.ndarray:
+    return 2.0 * np.floor(draws * known["levels"]) / (known["levels"] - 1) - 1.0
+
+
+def _as_it_is(own: dict, length: int, dt: float) -> tuple[dict, dict]:
+    return own, {}
+
+
+def _band(own: dict, length: int, dt: float) -> tuple[dict, dict]:
+    limits = check.items("band_hz", own["band_hz"], "give [low, high] in Hz")
     if len(limits) != 2:
-        raise check.bad("band_hz", band_hz, "give [low, high] in Hz")
+        raise check.bad("band_hz", own["band_hz"], "give [low, high] in Hz")
     low = check.number("band_hz[0]", limits[0], "give a number of Hz, at least 0", least=0)
     high = check.frequency("band_hz[1]", limits[1], dt)
     if low > high:
-        raise check.bad("band_hz", band_hz, "the band is empty; give the lower frequency first")
-    return [low, high]
+        raise check.bad("band_hz", own["band_hz"], "the band is empty; give the lower frequency first")
+    f_hz, inside = _lines([low, high], length, dt)
+    if not inside.any():
+        spacing = f"the lines of {length} samples are {1 / (length * dt):g} Hz apart"
+        raise check.bad("band_hz", [low, high], f"{spacing} and none lies inside; widen the band, or play longer")
+    return own | {"band_hz": [low, high]}, {"lines_hz": f_hz[inside][[0, -1]].tolist()}
 
 
-def _binary(draws: np.ndarray, own: dict, dt: float) -> tuple[np.ndarray, dict]:
-    return np.where(draws < 0.5, -1.0, 1.0), {}
+def _lines(band_hz: Sequence[float], length: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frequencies of a DFT over `length` samples, and which of them lie in the band, 0 never."""
+    f_hz, (low, high) = np.fft.rfftfreq(length, dt), band_hz
+    return f_hz, (f_hz >= low * (1 - 1e-12)) & (f_hz <= high * (1 + 1e-12)) & (f_hz > 0)
 
 
-def _gbn(draws: np.ndarray, own: dict, dt: float) -> tuple[np.ndarray, dict]:
+def _probability(own: dict, length: int, dt: float) -> tuple[dict, dict]:
     chip_s = own["hold"] * dt
     p, mean_s = own["switch_probability"], own["mean_hold_s"]
     if (p is None) == (mean_s is None):
@@ -181,21 +241,33 @@ def _gbn(draws: np.ndarray, own: dict, dt: float) -> tuple[np.ndarray, dict]:
         least = chip_s * (1 - 1e-12)
         p = min(1.0, chip_s / check.number("mean_hold_s", mean_s, f"give at least the {chip_s:g} s of one hold", least))
     p = check.number("switch_probability", p, "give a probability above 0, at most 1", above=0, most=1)
-    switches = draws < p
-    switches[0] = draws[0] < 0.5  # the first draw is the first sign
-    return 1.0 - 2.0 * (np.cumsum(switches) & 1), {"probability": p, "expected_hold_s": chip_s / p}
+    return own, {"probability": p, "expected_hold_s": chip_s / p}
 
 
-def _multilevel(draws: np.ndarray, own: dict, dt: float) -> tuple[np.ndarray, dict]:
-    count = own["levels"] = check.whole("levels", own["levels"], 2)
-    return 2.0 * np.floor(draws * count) / (count - 1) - 1.0, {}
+def _level_count(own: dict, length: int, dt: float) -> tuple[dict, dict]:
+    return own | {"levels": check.whole("levels", own["levels"], 2)}, {}
 
 
-# form -> how to play it, from numbers in (0, 1); the parameters it uses with their defaults (...: required)
-FORMS: dict[str, tuple[Callable, dict]] = {
-    "white": (_white, {"rms": 1.0}),
-    "band-limited": (_band_limited, {"rms": 1.0, "band_hz": ...}),
-    "binary": (_binary, {"amplitude": 1.0, "hold": 1}),
-    "gbn": (_gbn, {"amplitude": 1.0, "hold": 1, "switch_probability": None, "mean_hold_s": None}),
-    "multilevel": (_multilevel, {"amplitude": 1.0, "hold": 1, "levels": 3}),
+@dataclass(frozen=True)
+class Form:
+    """One form of noise: how it is played, which parameters it uses, and how they are checked.
+
+    play(numbers in (0, 1), parameters and decisions, dt) -> wave of size 1; uses : parameter -> default (...: required);
+    settle(own parameters, samples of a period, dt) -> the parameters checked, and the decisions that follow.
+    """
+
+    play: Callable[[np.ndarray, Mapping, float], np.ndarray]
+    uses: Mapping[str, Any]
+    settle: Callable[[dict, int, float], tuple[dict, dict]] = _as_it_is
+
+
+FORMS: dict[str, Form] = {
+    "white": Form(_gaussian, {"rms": 1.0}),
+    "band-limited": Form(_in_band, {"rms": 1.0, "band_hz": ...}, _band),
+    "binary": Form(_binary, {"amplitude": 1.0, "hold": 1}),
+    "gbn": Form(
+        _switching, {"amplitude": 1.0, "hold": 1, "switch_probability": None, "mean_hold_s": None}, _probability
+    ),
+    "multilevel": Form(_multilevel, {"amplitude": 1.0, "hold": 1, "levels": 3}, _level_count),
 }
+NOTHING_DECIDED = {"probability": None, "expected_hold_s": None, "lines_hz": None}

@@ -1,37 +1,48 @@
 """What every generator checks of its parameters; each error reads ``generator: parameter: value; remedy``."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from excite.errors import ExciteError, did_you_mean
+from excite.arguments import (
+    LARGEST,
+    LARGEST_WHOLE,
+    bad,
+    choice,
+    flag,
+    is_number,
+    is_whole,
+    number,
+    one_per_channel,
+    whole,
+)
+from excite.errors import ExciteError
 from excite.types.channel import Channel, channels_for
 
 Channels = int | str | Channel | Sequence[str | Channel]
 MAX_VALUES = 2 * 10**8  # float64 values of one signal: 1.6 GB
 MAX_CHANNELS = 256
-LARGEST = 1e300
 SMALLEST = 1e-150  # of positive numbers: products of two keep all digits, and so do their reciprocals
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """The checks of one generator, which `kind` names in every message."""
+    """The checker of `excite.arguments` for one generator, which `kind` names in every message."""
 
     kind: str
 
+    def place(self, name: str) -> str:
+        """Return what a parameter is called in messages."""
+        return f"{self.kind}: {name}"
+
     def bad(self, name: str, value: object, remedy: str) -> ExciteError:
         """Return the error that names a parameter, its value and the remedy."""
-        return ExciteError(f"{self.kind}: {name}: {value!r}; {remedy}")
+        return bad(self.place(name), value, remedy)
 
-    def whole(self, name: str, value: object, least: int = 1, most: float = 2**63) -> int:
+    def whole(self, name: str, value: object, least: int = 1, most: float = LARGEST_WHOLE) -> int:
         """Return a whole number of at least `least` and at most `most`."""
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-            raise self.bad(name, value, f"give a whole number of at least {least}")
-        if value > most:
-            raise self.bad(name, value, "give a whole number of at most 64 bits")
-        return int(value)
+        return whole(value, self.place(name), least, most)
 
     def seed(self, value: object) -> int:
         """Return the seed, a whole number from 0 of any size."""
@@ -42,17 +53,15 @@ class Parameters:
         name: str,
         value: object,
         remedy: str,
-        least: float = -np.inf,
+        least: float = -LARGEST,
         above: float = -np.inf,
-        most: float = np.inf,
+        most: float = LARGEST,
     ) -> float:
         """Return a number of at least `least`, beyond `above` and of at most `most`, small enough for sums to be finite."""
-        real = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not (real and abs(value) <= LARGEST and least <= value <= most and value > above):
-            raise self.bad(name, value, remedy)
-        if above == 0 and value < SMALLEST:
+        found = number(value, self.place(name), least, above, most, remedy)
+        if above == 0 and found < SMALLEST:
             raise self.bad(name, value, f"nothing below {SMALLEST:g} is computed with; change the unit")
-        return float(value)
+        return found
 
     def seconds(self, name: str, value: object) -> float:
         """Return a positive number of seconds."""
@@ -67,15 +76,11 @@ class Parameters:
 
     def flag(self, name: str, value: object) -> bool:
         """Return true or false."""
-        if not isinstance(value, (bool, np.bool_)):
-            raise self.bad(name, value, "give true or false")
-        return bool(value)
+        return flag(value, self.place(name))
 
     def choice(self, name: str, value: object, known: Collection[str]) -> str:
         """Return one of the known words."""
-        if not isinstance(value, str) or value not in known:
-            raise self.bad(name, value, did_you_mean(str(value), known))
-        return value
+        return choice(value, self.place(name), known)
 
     def samples(self, name: str, value: object, dt: float) -> int:
         """Return the samples nearest to a positive time in s, at least one."""
@@ -91,7 +96,7 @@ class Parameters:
 
     def channels(self, channels: Channels) -> tuple[Channel, ...]:
         """Return the channels that a count or names ask for."""
-        if isinstance(channels, (int, np.integer)):
+        if isinstance(channels, bool) or is_whole(channels):
             count = self.whole("channels", channels)
             if count > MAX_CHANNELS:
                 raise self.bad("channels", count, f"at most {MAX_CHANNELS} are played together; give fewer")
@@ -107,7 +112,7 @@ class Parameters:
 
     def items(self, name: str, value: object, remedy: str) -> list:
         """Return the items of a list or an array, at least one; a number is a list of one."""
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
+        if is_number(value):
             return [value]
         value = value.tolist() if isinstance(value, np.ndarray) else value
         if not isinstance(value, Sequence) or isinstance(value, str) or not value:
@@ -115,38 +120,18 @@ class Parameters:
         return list(value)
 
     def amplitudes(self, name: str, value: object, count: int, of: str = "channels") -> list[float]:
-        """Return a positive finite number a channel, from one number or one a channel."""
-        return self._levels(name, value, count, "every {} must be positive and finite", lambda x: x > 0, of)
+        """Return a positive finite number per channel, from one number or one per channel."""
+        remedy = f"every {name} must be positive and finite"
+        return one_per_channel(value, self.place(name), count, lambda x: x > 0, remedy, of)
 
     def offsets(self, name: str, value: object, count: int) -> list[float]:
-        """Return a finite number a channel, from one number or one a channel."""
-        return self._levels(name, value, count, "every {} must be finite", np.isfinite)
+        """Return a finite number per channel, from one number or one per channel."""
+        return one_per_channel(value, self.place(name), count, np.isfinite, f"every {name} must be finite")
 
     def nonzero(self, name: str, value: object, count: int) -> list[float]:
-        """Return a finite number other than 0 a channel, from one number or one a channel."""
-        return self._levels(name, value, count, "every {} must be finite and not zero", lambda x: x != 0)
-
-    def _levels(
-        self,
-        name: str,
-        value: object,
-        count: int,
-        remedy: str,
-        holds: Callable[[np.ndarray], np.ndarray],
-        of: str = "channels",
-    ) -> list[float]:
-        try:
-            levels = np.asarray(value)
-            if levels.dtype.kind not in "fiu":
-                raise TypeError
-        except (TypeError, ValueError):
-            raise self.bad(name, value, f"give a number, or one for each of the {count} {of}") from None
-        if levels.shape not in ((), (1,), (count,)):
-            raise self.bad(name, value, f"give one number, or one for each of the {count} {of}")
-        levels = levels.astype(np.float64)
-        if not ((np.abs(levels) <= LARGEST) & holds(levels)).all():
-            raise self.bad(name, value, remedy.format(name))
-        return np.broadcast_to(levels, count).tolist()
+        """Return a finite number other than 0 per channel, from one number or one per channel."""
+        remedy = f"every {name} must be finite and not zero"
+        return one_per_channel(value, self.place(name), count, lambda x: x != 0, remedy)
 
     def bounded(self, name: str, value: object, samples: int, count: int, remedy: str) -> None:
         """Refuse a signal that does not fit into memory, before anything is allocated."""

@@ -1,54 +1,21 @@
 """Pseudo-random binary sequences of maximum length."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from excite.generators import lfsr
-from excite.generators.parameters import Channels, Parameters
+import excite.generators.lfsr as lfsr
+from excite.arguments import is_whole
+from excite.generators.decorrelation import APART, Decorrelation, check
+from excite.generators.lfsr import TAPS
+from excite.generators.parameters import Channels
+from excite.types.channel import Channel
 from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
-# Order n -> taps t of s(k+n) = s(k) + sum s(k+t) mod 2: the table of scipy.signal.max_len_seq, which names New Wave
-# Instruments' list of m-sequence feedback taps (first entry of each length) as its source. The tests prove every
-# polynomial primitive. Other lists, such as Xilinx XAPP052, differ for some orders and serve equally.
-TAPS: dict[int, tuple[int, ...]] = {
-    2: (1,),
-    3: (2,),
-    4: (3,),
-    5: (3,),
-    6: (5,),
-    7: (6,),
-    8: (7, 6, 1),
-    9: (5,),
-    10: (7,),
-    11: (9,),
-    12: (11, 10, 4),
-    13: (12, 11, 8),
-    14: (13, 12, 2),
-    15: (14,),
-    16: (15, 13, 4),
-    17: (14,),
-    18: (11,),
-    19: (18, 17, 14),
-    20: (17,),
-    21: (19,),
-    22: (21,),
-    23: (18,),
-    24: (23, 22, 17),
-    25: (22,),
-    26: (25, 24, 20),
-    27: (26, 25, 22),
-    28: (25,),
-    29: (27,),
-    30: (29, 28, 7),
-    31: (28,),
-    32: (31, 30, 10),
-}
 CLOCK = 2.5  # chips per period of the highest frequency of interest: there the hold costs 2.3 dB
-DECORRELATE = ("shift", "hadamard", "sequences")
-
-check = Parameters("prbs")
 
 
 def prbs(
@@ -103,11 +70,11 @@ def prbs(
     dt : sampling time, s.
     hold : samples per chip, at least 1, the default.
     highest_hz : highest frequency of interest, Hz, instead of `hold`: the slowest clock of at least 2.5 times that.
-    taps : t of the recursion s(k + n) = s(k) + sum_t s(k + t) mod 2, with `order`; one list a channel for "sequences".
+    taps : t of the recursion s(k + n) = s(k) + sum_t s(k + t) mod 2, with `order`; one list per channel for "sequences".
         Refused unless primitive. None: from the table.
     inverse_repeat : whether the second half of each period is the negative of the first.
     decorrelate : "shift", "hadamard" or "sequences", see above.
-    amplitude, offset : levels are offset - amplitude and offset + amplitude, in the channels' units; one number, or one a
+    amplitude, offset : levels are offset - amplitude and offset + amplitude, in the channels' units; one number, or one per
         channel.
     band_limit_hz : removes every line above, without changing the phase of those below. The signal then has many levels;
         `amplitude` becomes its peak, and the recipe's `rms` says what is left.
@@ -137,87 +104,169 @@ def prbs(
     (autocorrelation, persistency of excitation); Godfrey (editor), Perturbation Signals for System Identification, 1993
     (inverse-repeat, several inputs); Gold, IEEE Trans. Inf. Theory 13, 1967 (different polynomials).
     """
+    plan = _checked(
+        order,
+        dt,
+        hold,
+        highest_hz,
+        taps,
+        inverse_repeat,
+        decorrelate,
+        amplitude,
+        offset,
+        band_limit_hz,
+        channels,
+        periods,
+        duration_s,
+        seed,
+    )
+    apart = APART[decorrelate]
+    decisions = _design(plan, apart)
+    u, rms = _play(plan, decisions)
+    tap_lists = [list(tap_set) for tap_set in plan.tap_sets]
+    recipe = Recipe.of(
+        prbs,
+        order=plan.order,
+        dt=plan.dt,
+        hold=plan.hold,
+        highest_hz=highest_hz and float(highest_hz),
+        taps=tap_lists if apart.different else tap_lists[0],
+        inverse_repeat=plan.inverse_repeat,
+        decorrelate=decorrelate,
+        amplitude=plan.levels,
+        offset=plan.offsets,
+        band_limit_hz=plan.band_limit_hz,
+        channels=[str(c) for c in plan.channels],
+        periods=plan.periods,
+        duration_s=None if duration_s is None else float(duration_s),
+        seed=plan.seed,
+        **decisions,
+        rms=rms,
+        warnings=_clock_warning(highest_hz, plan.dt) + _cut_warning(plan.samples, plan.period, plan.dt),
+    )
+    return Signal(u, plan.dt, plan.channels, plan.period if plan.samples >= plan.period else None, recipe)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What is asked for, checked.
+
+    repeats : K, sequences in one period; period, samples : of one period, and of all that is played; levels, offsets,
+    tap_sets : as in the recipe, tap_sets one for all channels or one per channel.
+    """
+
+    order: int
+    dt: float
+    hold: int
+    tap_sets: list[tuple[int, ...]]
+    inverse_repeat: bool
+    repeats: int
+    levels: list[float]
+    offsets: list[float]
+    band_limit_hz: float | None
+    channels: tuple[Channel, ...]
+    periods: int | None
+    period: int
+    samples: int
+    seed: int
+
+
+def _checked(
+    order: int | None,
+    dt: float,
+    hold: int | None,
+    highest_hz: float | None,
+    taps: Sequence | None,
+    inverse_repeat: bool,
+    decorrelate: str,
+    amplitude: float | Sequence[float],
+    offset: float | Sequence[float],
+    band_limit_hz: float | None,
+    channels: Channels,
+    periods: int | None,
+    duration_s: float | None,
+    seed: int,
+) -> _Plan:
     dt = check.seconds("dt", dt)
     seed = check.seed(seed)
     named = check.channels(channels)
     count = len(named)
     hold = _hold(hold, highest_hz, dt)
     inverse_repeat = check.flag("inverse_repeat", inverse_repeat)
-    decorrelate = check.choice("decorrelate", decorrelate, DECORRELATE)
-    factor = (2 if inverse_repeat else 1) << ((count - 1).bit_length() if decorrelate == "hadamard" else 0)  # K
-
+    apart = APART[check.choice("decorrelate", decorrelate, APART)]
+    repeats = apart.rows(count) * (2 if inverse_repeat else 1)
     if periods is not None and duration_s is not None:
         raise check.bad("periods", periods, f"duration_s = {duration_s!r} is given too; give one of the two")
-    wanted = None if duration_s is None else check.samples("duration_s", duration_s, dt)
-    order = _order(order, taps, duration_s, wanted, hold * factor, dt)
-    length = 2**order - 1
-    if decorrelate == "shift" and count > length:
-        raise check.bad("channels", count, f"order {order} has only {length} distinct shifts; raise the order")
-    period = length * factor * hold
-    if wanted is None:
+    samples = None if duration_s is None else check.samples("duration_s", duration_s, dt)
+    order = _order(order, taps, duration_s, samples, hold * repeats, dt)
+    if remedy := apart.refusal(order, count):
+        raise check.bad("channels", count, remedy)
+    period = (2**order - 1) * repeats * hold
+    if samples is None:
         periods = check.whole("periods", 1 if periods is None else periods)
-        wanted = periods * period
+        samples = periods * period
     remedy = "lower order, hold, periods or channels, or cut with duration_s"
-    check.bounded("order", order, wanted, count, remedy)
+    check.bounded("order", order, samples, count, remedy)
     levels, offsets = check.amplitudes("amplitude", amplitude, count), check.offsets("offset", offset, count)
-    if band_limit_hz is not None:
-        band_limit_hz = check.frequency("band_limit_hz", band_limit_hz, dt)
-        check.bounded(
-            "order", order, period, count, "band_limit_hz filters whole periods: lower order, hold or channels"
-        )
-        if band_limit_hz * period * dt < 1:
-            raise check.bad("band_limit_hz", band_limit_hz, f"the lowest line is at {1 / (period * dt):g} Hz; raise it")
-
-    polynomials = _taps(order, taps, count, decorrelate)
-    spacing, product_lag = lfsr.spacing(order, polynomials[0], count) if decorrelate == "shift" else (length, None)
-    state, shifts, signs = _draw(seed, length, count, spacing if decorrelate == "shift" else 0)
-    rows = lfsr.modulation(count, decorrelate == "hadamard", inverse_repeat)
-    needed = min(wanted, period) if band_limit_hz is None else period
-    chips = -(-needed // hold)
-    u, rms = np.empty((wanted, count)), list(levels)
-    for c in range(count):
-        tap_set = polynomials[c % len(polynomials)]
-        bits = lfsr.sequence(order, tap_set, lfsr.advance(order, tap_set, state, shifts[c]), min(length, chips))
-        bits = _repeated(bits, chips) ^ _repeated(rows[c] * signs[c] < 0, chips)
-        bits = np.repeat(bits, min(hold, needed))
-        if band_limit_hz is None:
-            u[:, c] = np.where(_repeated(bits, wanted), offsets[c] + levels[c], offsets[c] - levels[c])
-        else:
-            wave = _band_limited(bits, band_limit_hz * dt, inverse_repeat)
-            u[:, c] = offsets[c] + levels[c] * _repeated(wave, wanted)
-            rms[c] = levels[c] * float(np.sqrt((wave**2).mean()))
-
-    nested = [list(tap_set) for tap_set in polynomials]
-    recipe = Recipe.of(
-        prbs,
-        order=order,
-        dt=dt,
-        hold=hold,
-        highest_hz=highest_hz and float(highest_hz),
-        taps=nested if decorrelate == "sequences" else nested[0],
-        inverse_repeat=inverse_repeat,
-        decorrelate=decorrelate,
-        amplitude=levels,
-        offset=offsets,
-        band_limit_hz=band_limit_hz,
-        channels=[str(c) for c in named],
-        periods=periods,
-        duration_s=None if duration_s is None else float(duration_s),
-        seed=seed,
-        state=state,
-        shifts=shifts,
-        signs=signs,
-        modulation=rows.tolist(),
-        clock_hz=1 / (hold * dt),
-        rms=rms,
-        period_samples=period,
-        usable_response_chips=spacing,
-        usable_response_s=spacing * hold * dt,
-        cross_correlation=_cross_correlation(order, polynomials, rows, decorrelate),
-        product_lag_chips=None if factor > 1 else product_lag,
-        warnings=_clock_warning(highest_hz, dt) + _cut_warning(wanted, period, dt),
+    limit = _band_limit(band_limit_hz, order, period, count, dt)
+    tap_sets = _tap_sets(order, taps, count, decorrelate)
+    return _Plan(
+        order,
+        dt,
+        hold,
+        tap_sets,
+        inverse_repeat,
+        repeats,
+        levels,
+        offsets,
+        limit,
+        named,
+        periods,
+        period,
+        samples,
+        seed,
     )
-    return Signal(u, dt, named, period if wanted >= period else None, recipe)
+
+
+def _design(plan: _Plan, apart: Decorrelation) -> dict[str, Any]:
+    """Draw start state, shifts and signs, and say what follows for the sequence as a whole."""
+    count = len(plan.channels)
+    spacing, product_lag = apart.spacing(plan.order, plan.tap_sets[0], count)
+    state, shifts, signs = _draw(plan.seed, 2**plan.order - 1, count, spacing if apart.shifted else 0)
+    rows = lfsr.modulation(count, apart.modulated, plan.inverse_repeat)
+    return {
+        "state": state,
+        "shifts": shifts,
+        "signs": signs,
+        "modulation": rows.tolist(),
+        "clock_hz": 1 / (plan.hold * plan.dt),
+        "period_samples": plan.period,
+        "usable_response_chips": spacing,
+        "usable_response_s": spacing * plan.hold * plan.dt,
+        "cross_correlation": apart.correlation(plan.order, plan.tap_sets, rows) if count > 1 else None,
+        "product_lag_chips": None if plan.repeats > 1 else product_lag,
+    }
+
+
+def _play(plan: _Plan, decisions: Mapping[str, Any]) -> tuple[np.ndarray, list[float]]:
+    """Return u (N, channels), and the rms of each channel about its offset."""
+    length, wanted, rows = 2**plan.order - 1, plan.samples, np.array(decisions["modulation"])
+    state, shifts, signs = (decisions[name] for name in ("state", "shifts", "signs"))
+    needed = min(wanted, plan.period) if plan.band_limit_hz is None else plan.period
+    chips = -(-needed // plan.hold)
+    u, rms = np.empty((wanted, len(plan.channels))), list(plan.levels)
+    for c, (level, offset) in enumerate(zip(plan.levels, plan.offsets, strict=True)):
+        taps = plan.tap_sets[c % len(plan.tap_sets)]
+        bits = lfsr.sequence(plan.order, taps, lfsr.advance(plan.order, taps, state, shifts[c]), min(length, chips))
+        bits = _repeated(bits, chips) ^ _repeated(rows[c] * signs[c] < 0, chips)
+        bits = np.repeat(bits, min(plan.hold, needed))
+        if plan.band_limit_hz is None:
+            u[:, c] = np.where(_repeated(bits, wanted), offset + level, offset - level)
+        else:
+            wave = _band_limited(bits, plan.band_limit_hz * plan.dt, plan.inverse_repeat)
+            u[:, c] = offset + level * _repeated(wave, wanted)
+            rms[c] = level * float(np.sqrt((wave**2).mean()))
+    return u, rms
 
 
 def _hold(hold: object, highest_hz: object, dt: float) -> int:
@@ -247,21 +296,22 @@ def _order(order: object, taps: object, duration_s: object, wanted: int | None, 
     return order
 
 
-def _taps(order: int, taps: object, count: int, decorrelate: str) -> list[tuple[int, ...]]:
-    """Return the primitive tap sets: one a channel for different sequences, else one."""
-    needed = count if decorrelate == "sequences" else 1
+def _band_limit(band_limit_hz: object, order: int, period: int, count: int, dt: float) -> float | None:
+    if band_limit_hz is None:
+        return None
+    limit = check.frequency("band_limit_hz", band_limit_hz, dt)
+    check.bounded("order", order, period, count, "band_limit_hz filters whole periods: lower order, hold or channels")
+    if limit * period * dt < 1:
+        raise check.bad("band_limit_hz", limit, f"the lowest line is at {1 / (period * dt):g} Hz; raise it")
+    return limit
+
+
+def _tap_sets(order: int, taps: object, count: int, decorrelate: str) -> list[tuple[int, ...]]:
+    """Return the primitive tap sets: one per channel for different sequences, else one."""
+    apart = APART[decorrelate]
     if taps is None:
-        if needed == 1:
-            return [TAPS[order]]
-        if order > lfsr.MAX_PAIR_ORDER:
-            remedy = (
-                f"different sequences are chosen up to order {lfsr.MAX_PAIR_ORDER}; give taps, or use shift or hadamard"
-            )
-            raise check.bad("order", order, remedy)
-        if lfsr.polynomials(order) < count:
-            remedy = f"order {order} has only {lfsr.polynomials(order)} primitive polynomials; raise the order"
-            raise check.bad("channels", count, remedy)
-        return list(lfsr.least_correlated(order, TAPS[order], count))
+        return apart.tap_sets(order, count)
+    needed = count if apart.different else 1
     taps = check.items("taps", taps, f"give a list of whole numbers from 1 to {order - 1}")
     sets = [_primitive(order, each) for each in (taps if isinstance(taps[0], Sequence) else [taps])]
     if len({frozenset(each) for each in sets}) != needed or len(sets) != needed:
@@ -271,9 +321,7 @@ def _taps(order: int, taps: object, count: int, decorrelate: str) -> list[tuple[
 
 
 def _primitive(order: int, taps: object) -> tuple[int, ...]:
-    whole = isinstance(taps, Sequence) and all(
-        isinstance(t, (int, np.integer)) and not isinstance(t, bool) for t in taps
-    )
+    whole = isinstance(taps, Sequence) and all(map(is_whole, taps))
     if not (whole and taps and len(set(taps)) == len(taps) and all(0 < t < order for t in taps)):
         raise check.bad("taps", taps, f"give different whole numbers from 1 to {order - 1} for order {order}")
     if not lfsr.is_primitive(order, taps):
@@ -303,14 +351,6 @@ def _band_limited(bits: np.ndarray, highest: float, inverse_repeat: bool) -> np.
         lines[::2] = 0.0
     wave = np.fft.irfft(lines, len(bits))
     return wave / np.abs(wave).max()
-
-
-def _cross_correlation(order: int, polynomials: list, rows: np.ndarray, decorrelate: str) -> float | None:
-    if len(rows) == 1 or (decorrelate == "sequences" and order > lfsr.MAX_PAIR_ORDER):
-        return None
-    if decorrelate == "sequences":
-        return lfsr.cross_correlation(order, polynomials)
-    return (1.0 if decorrelate == "shift" else lfsr.row_correlation(rows)) / (2**order - 1)
 
 
 def _clock_warning(highest_hz: float | None, dt: float) -> list[str]:

@@ -1,6 +1,8 @@
 """Sine sweeps: linear, logarithmic, Schroeder-phased, and stepped."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -10,24 +12,6 @@ from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 check = Parameters("sweep")
-
-_BAND = {"start_hz": ..., "stop_hz": ..., "duration_s": ...}
-_CHIRP = {**_BAND, "dwell_cycles": 0, "fade_in_s": 0.0, "fade_out_s": 0.0}
-# form -> the parameters it uses with their defaults (...: required)
-FORMS: dict[str, dict[str, object]] = {
-    "linear": _CHIRP,
-    "log": _CHIRP,
-    "schroeder": {**_BAND, "periods": 1},
-    "stepped": {
-        "start_hz": None,
-        "stop_hz": None,
-        "points": None,
-        "frequencies_hz": None,
-        "settle_periods": 2,
-        "measure_periods": 4,
-        "profile": None,
-    },
-}
 
 
 def sweep(
@@ -59,7 +43,7 @@ def sweep(
     - linear: f(t) = f0 + (f1 - f0) t / T, phase 2 pi (f0 t + (f1 - f0) t^2 / (2 T)): equal time per Hz.
     - log: f(t) = f0 (f1 / f0)^(t / T), phase 2 pi f0 T / ln(f1 / f0) ((f1 / f0)^(t / T) - 1): equal time per octave.
     - schroeder: periodic; all K lines k / duration_s of the band at one amplitude, with the phases -pi k (k - 1) / K,
-      k = 1 … K, which sweep upwards once a period; scaled to the peak `amplitude` (`crest_factor`).
+      k = 1 … K, which sweep upwards once per period; scaled to the peak `amplitude` (`crest_factor`).
     - stepped: one frequency after the other with continuous phase, each held for `settle_periods` and then measured for
       `measure_periods`. Frequencies move to the nearest one whose measured periods fill whole samples (`segments`), so
       that a DFT over the measured samples has no leakage.
@@ -79,7 +63,7 @@ def sweep(
     settle_periods : periods to leave out of the analysis, from 0, at each frequency of "stepped"; default 2.
     measure_periods : whole periods to measure; default 4.
     profile : amplitude at each frequency of "stepped" as a fraction of `amplitude`; default 1.
-    amplitude : peak, in the channels' units; one number, or one a channel.
+    amplitude : peak, in the channels' units; one number, or one per channel.
     offset : level about which it swings and at which the other channels rest, likewise.
     channels : their count, or their names with units.
     seed : taken for uniformity; the signal is deterministic.
@@ -103,11 +87,6 @@ def sweep(
     Schroeder, IEEE Trans. Inf. Theory 16, 1970; Tischler and Remple, Aircraft and Rotorcraft System Identification, 2012,
     chapter 5 (flight-test sweeps, fades and dwell); ArduPilot, AP_Math/chirp.cpp.
     """
-    dt = check.seconds("dt", dt)
-    seed = check.seed(seed)
-    named = check.channels(channels)
-    count = len(named)
-    form = check.choice("form", form, FORMS)
     given = {
         "start_hz": start_hz,
         "stop_hz": stop_hz,
@@ -122,57 +101,59 @@ def sweep(
         "measure_periods": measure_periods,
         "profile": profile,
     }
-    own = check.fill(form, FORMS[form], given)
-    levels, offsets = check.amplitudes("amplitude", amplitude, count), check.offsets("offset", offset, count)
-
-    period, decisions = None, {"segments": None, "lines_hz": None, "crest_factor": None}
-    warnings: list[str] = []
-    if form == "stepped":
-        plan, warnings = _plan(own, dt)
-        total = sum(step["settle"] + step["measure"] for step in plan)
-        check.bounded(
-            "settle_periods", own["settle_periods"], total * count, count, "measure fewer frequencies or periods"
-        )
-        wave = _stepped(plan)
-        decisions["segments"] = [
-            step | {"channel": c, "start": step["start"] + c * total, "amplitude": step["amplitude"] * levels[c]}
-            for c in range(count)
-            for step in plan
-        ]
-    else:
-        for name in ("start_hz", "stop_hz"):
-            own[name] = check.frequency(name, own[name], dt)
-        samples = check.samples("duration_s", duration_s, dt)
-        lowest = min(own["start_hz"], own["stop_hz"])
-        if samples * dt * lowest < 1 - 1e-9:
-            remedy = f"it holds no whole period of {lowest:g} Hz; play at least {1 / lowest:g} s"
-            raise check.bad("duration_s", duration_s, remedy)
-        own["duration_s"] = float(duration_s)
-        repeats = check.whole("periods", own.get("periods", 1))
-        check.bounded("duration_s", duration_s, samples * repeats * count, count, "shorten it, or play less often")
-        if form == "schroeder":
-            once, decided = _schroeder(own, samples, dt)
-            wave, decisions = np.tile(once, repeats), decisions | decided
-            period = samples if count == 1 else None
-        else:
-            wave = _chirp(form, own, samples, dt)
+    dt = check.seconds("dt", dt)
+    seed = check.seed(seed)
+    named = check.channels(channels)
+    form = check.choice("form", form, FORMS)
+    own = check.fill(form, FORMS[form].uses, given)
+    levels, offsets = check.amplitudes("amplitude", amplitude, len(named)), check.offsets("offset", offset, len(named))
+    turn = FORMS[form].design(own, dt, levels)
     recipe = Recipe.of(
         sweep,
         form=form,
         dt=dt,
-        **(dict.fromkeys(given) | own),
+        **(dict.fromkeys(given) | turn.own),
         amplitude=levels,
         offset=offsets,
         channels=[str(c) for c in named],
         seed=seed,
-        starts=[c * len(wave) for c in range(count)],
-        **decisions,
-        warnings=warnings,
+        starts=[c * len(turn.wave) for c in range(len(named))],
+        **(dict.fromkeys(("segments", "lines_hz", "crest_factor")) | turn.decisions),
+        warnings=turn.warnings,
     )
-    return Signal(in_turn(wave, levels, offsets), dt, named, period, recipe)
+    period = turn.period if len(named) == 1 else None
+    return Signal(in_turn(turn.wave, levels, offsets), dt, named, period, recipe)
 
 
-def _chirp(form: str, own: dict, samples: int, dt: float) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """What one channel plays in its turn, at amplitude 1; own : the form's parameters, checked; period in samples."""
+
+    wave: np.ndarray
+    own: dict[str, Any]
+    decisions: dict[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    period: int | None = None
+
+
+def _linear(own: dict, dt: float, levels: list[float]) -> _Turn:
+    def cycles(t: np.ndarray, T: float, f0: float, f1: float) -> np.ndarray:
+        return f0 * t + (f1 - f0) * t**2 / (2 * T)
+
+    return _chirp(own, dt, levels, cycles)
+
+
+def _log(own: dict, dt: float, levels: list[float]) -> _Turn:
+    def cycles(t: np.ndarray, T: float, f0: float, f1: float) -> np.ndarray:
+        rate = np.log(f1 / f0) / T
+        return f0 / rate * np.expm1(rate * np.maximum(t, 0.0))
+
+    return _chirp(own, dt, levels, cycles)
+
+
+def _chirp(own: dict, dt: float, levels: list[float], cycles: Callable[..., np.ndarray]) -> _Turn:
+    """Return a sweep whose phase in cycles, from the end of the dwell on, is cycles(t, T, f0, f1)."""
+    own, samples = _band(own, dt, levels)
     f0, f1 = own["start_hz"], own["stop_hz"]
     if f0 == f1:
         raise check.bad("stop_hz", f1, 'it equals start_hz; give another, or use the form "stepped" for one frequency')
@@ -182,29 +163,42 @@ def _chirp(form: str, own: dict, samples: int, dt: float) -> np.ndarray:
     if T * min(f0, f1) < 1 - 1e-9 - dt * min(f0, f1):
         remedy = f"its {dwell:g} s leave {T:g} s to sweep, less than a period of {min(f0, f1):g} Hz; dwell less"
         raise check.bad("dwell_cycles", own["dwell_cycles"], remedy)
-    fades = [
-        check.number(key, own[key], "give a number of seconds, 0 for none", least=0)
-        for key in ("fade_in_s", "fade_out_s")
-    ]
-    if sum(fades) > end:
-        raise check.bad("fade_out_s", fades[1], f"with fade_in_s = {fades[0]:g} it exceeds the {end:g} s; shorten them")
-    own["fade_in_s"], own["fade_out_s"] = fades
+    fades = own["fade_in_s"], own["fade_out_s"] = _fades(own, end)
 
     time = np.arange(samples) * dt
     t = time - dwell
-    if form == "linear":
-        cycles = f0 * t + (f1 - f0) * t**2 / (2 * T)
-    else:
-        rate = np.log(f1 / f0) / T
-        cycles = f0 / rate * np.expm1(rate * np.maximum(t, 0.0))
-    wave = np.sin(2 * np.pi * np.where(t < 0, f0 * t, cycles))
-    for fade, after in ((fades[0], time), (fades[1], time[-1] - time)):
+    wave = np.sin(2 * np.pi * np.where(t < 0, f0 * t, cycles(t, T, f0, f1)))
+    for fade, after in zip(fades, (time, time[-1] - time), strict=True):
         if fade:
             wave *= 0.5 - 0.5 * np.cos(np.pi * np.minimum(after, fade) / fade)
-    return wave
+    return _Turn(wave, own)
 
 
-def _schroeder(own: dict, samples: int, dt: float) -> tuple[np.ndarray, dict]:
+def _band(own: dict, dt: float, levels: list[float]) -> tuple[dict, int]:
+    """Return the parameters that all sweeps through a band share, checked, and the samples of `duration_s`."""
+    own = own | {name: check.frequency(name, own[name], dt) for name in ("start_hz", "stop_hz")}
+    samples = check.samples("duration_s", own["duration_s"], dt)
+    lowest = min(own["start_hz"], own["stop_hz"])
+    if samples * dt * lowest < 1 - 1e-9:
+        remedy = f"it holds no whole period of {lowest:g} Hz; play at least {1 / lowest:g} s"
+        raise check.bad("duration_s", own["duration_s"], remedy)
+    repeats = check.whole("periods", own.get("periods", 1))
+    remedy = "shorten it, or play less often"
+    check.bounded("duration_s", own["duration_s"], samples * repeats * len(levels), len(levels), remedy)
+    return own | {"duration_s": float(own["duration_s"])}, samples
+
+
+def _fades(own: dict, end: float) -> tuple[float, float]:
+    """Return the times of fading in and out, s, which together fit into `end` seconds."""
+    remedy = "give a number of seconds, 0 for none"
+    into, out = (check.number(name, own[name], remedy, least=0) for name in ("fade_in_s", "fade_out_s"))
+    if into + out > end:
+        raise check.bad("fade_out_s", out, f"with fade_in_s = {into:g} it exceeds the {end:g} s; shorten them")
+    return into, out
+
+
+def _schroeder(own: dict, dt: float, levels: list[float]) -> _Turn:
+    own, samples = _band(own, dt, levels)
     low, high = own["start_hz"] * samples * dt, own["stop_hz"] * samples * dt
     lines = np.arange(int(np.ceil(low * (1 - 1e-12))), min(int(high * (1 + 1e-12)), (samples - 1) // 2) + 1)
     if not len(lines):
@@ -216,11 +210,29 @@ def _schroeder(own: dict, samples: int, dt: float) -> tuple[np.ndarray, dict]:
     wave = np.fft.irfft(spectrum, samples)
     wave /= np.abs(wave).max()
     first, last = lines[[0, -1]] / (samples * dt)
-    return wave, {"lines_hz": [float(first), float(last)], "crest_factor": float(1 / np.sqrt((wave**2).mean()))}
+    figures = {"lines_hz": [float(first), float(last)], "crest_factor": float(1 / np.sqrt((wave**2).mean()))}
+    return _Turn(np.tile(wave, own["periods"]), own, figures, period=samples)
 
 
-def _plan(own: dict, dt: float) -> tuple[list[dict], list[str]]:
-    """Return the segments of one channel, and warnings; every measured window holds whole periods in whole samples."""
+def _stepped(own: dict, dt: float, levels: list[float]) -> _Turn:
+    own = dict(own)
+    plan = _plan(own, dt)
+    total = sum(step["settle"] + step["measure"] for step in plan)
+    remedy = "measure fewer frequencies or periods"
+    check.bounded("settle_periods", own["settle_periods"], total * len(levels), len(levels), remedy)
+    segments = [
+        step | {"channel": c, "start": step["start"] + c * total, "amplitude": step["amplitude"] * level}
+        for c, level in enumerate(levels)
+        for step in plan
+    ]
+    return _Turn(_tones(plan), own, {"segments": segments}, _grid_warnings(plan))
+
+
+def _plan(own: dict, dt: float) -> list[dict]:
+    """Return the segments of one channel; every measured window holds whole periods in whole samples.
+
+    Puts the parameters into `own` as they are used.
+    """
     asked = _frequencies(own, dt)
     measure = own["measure_periods"] = check.whole("measure_periods", own["measure_periods"])
     settle = own["settle_periods"] = check.number(
@@ -247,7 +259,7 @@ def _plan(own: dict, dt: float) -> tuple[list[dict], list[str]]:
             }
         )
         start += lead + window
-    return plan, _grid_warnings(plan)
+    return plan
 
 
 def _grid_warnings(plan: list[dict]) -> list[str]:
@@ -278,7 +290,8 @@ def _frequencies(own: dict, dt: float) -> list[float]:
     return own["frequencies_hz"]
 
 
-def _stepped(plan: list[dict]) -> np.ndarray:
+def _tones(plan: list[dict]) -> np.ndarray:
+    """Return the tones of a plan one after the other, with continuous phase."""
     parts, cycles = [], 0.0
     for step in plan:
         samples = step["settle"] + step["measure"]
@@ -286,3 +299,33 @@ def _stepped(plan: list[dict]) -> np.ndarray:
         parts.append(step["amplitude"] * np.sin(2 * np.pi * (cycles + turns)))
         cycles = (cycles + samples * step["periods"] % step["measure"] / step["measure"]) % 1
     return np.concatenate(parts)
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form of sweep: which parameters it uses, with their defaults (...: required), and what it plays.
+
+    design(own parameters, dt, amplitude of each channel) -> one channel's turn.
+    """
+
+    uses: Mapping[str, Any]
+    design: Callable[[dict, float, list[float]], _Turn]
+
+
+_THROUGH = {"start_hz": ..., "stop_hz": ..., "duration_s": ...}
+_ONCE = {**_THROUGH, "dwell_cycles": 0, "fade_in_s": 0.0, "fade_out_s": 0.0}
+_STEPS = {
+    "start_hz": None,
+    "stop_hz": None,
+    "points": None,
+    "frequencies_hz": None,
+    "settle_periods": 2,
+    "measure_periods": 4,
+    "profile": None,
+}
+FORMS: dict[str, Form] = {
+    "linear": Form(_ONCE, _linear),
+    "log": Form(_ONCE, _log),
+    "schroeder": Form({**_THROUGH, "periods": 1}, _schroeder),
+    "stepped": Form(_STEPS, _stepped),
+}

@@ -9,6 +9,7 @@ import numpy as np
 from excite.errors import ExciteError
 from excite.models.arrays import read_only
 from excite.types.channel import Channel
+from excite.types.frozen import ReadOnlyArrays
 
 
 class Record(Protocol):
@@ -19,7 +20,7 @@ class Record(Protocol):
     time_s: np.ndarray
 
 
-class Model(ABC):
+class Model(ReadOnlyArrays, ABC):
     """Whatever an estimate or a truth may be: it has inputs, outputs and a frequency response.
 
     dt : sampling time in s, None in continuous time.

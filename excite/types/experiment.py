@@ -8,12 +8,13 @@ import numpy as np
 
 from excite.errors import ExciteError
 from excite.types.channel import Channel, channels_for, period_of, positive, samples, time_axis
+from excite.types.frozen import ReadOnlyArrays
 from excite.types.level import Level
 from excite.types.loop import Loop
 
 
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class Experiment(ReadOnlyArrays):
     """Input-output data of one run, without any truth inside.
 
     u : (N, nu), what this experiment's diagram calls the plant input, None or (N, 0) when only outputs were recorded;

@@ -1,7 +1,19 @@
-"""A mapping that cannot be changed and that travels: it pickles, copies and compares."""
+"""What makes types travel: a mapping and arrays that cannot be changed, here, in a copy, or in another process."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
+
+import numpy as np
+
+
+class ReadOnlyArrays:
+    """A type whose arrays are read-only, and stay so when it is copied or pickled; NumPy forgets it by itself."""
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        self.__dict__.update(state)
 
 
 class Frozen(Mapping[str, Any]):

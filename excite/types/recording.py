@@ -8,7 +8,7 @@ import numpy as np
 from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import Channel, channels_for, period_of, positive, samples, time_axis
 from excite.types.experiment import Experiment
-from excite.types.frozen import Frozen
+from excite.types.frozen import Frozen, ReadOnlyArrays
 from excite.types.level import Level
 from excite.types.loop import Loop
 from excite.types.origin import Origin
@@ -32,7 +32,7 @@ class Roles:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(ReadOnlyArrays):
     """Everything that was logged in one run.
 
     time_s : (N,) s, increasing; values : (N, c), NaN = missing sample; channels : c names and units;

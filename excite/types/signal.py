@@ -7,11 +7,12 @@ import numpy as np
 from excite.arguments import multiple
 from excite.errors import ExciteError
 from excite.types.channel import Channel, channels_for, period_of, positive, samples
+from excite.types.frozen import ReadOnlyArrays
 from excite.types.recipe import Recipe
 
 
 @dataclass(frozen=True, eq=False)
-class Signal:
+class Signal(ReadOnlyArrays):
     """A designed input, sampled with zero-order hold.
 
     u : (N, nu) samples; dt : s; channels : names and units; period : samples in one period, or None;

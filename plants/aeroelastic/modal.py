@@ -1,4 +1,4 @@
-"""An aircraft of elastic modes after the F/A-18 Active Aeroelastic Wing experiments of seed 001, chapter 6."""
+"""An aircraft of elastic modes after the F/A-18 Active Aeroelastic Wing experiments of Miller (2012), chapter 6."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ ROLL_RATE = Channel("roll_rate", "deg/s")
 
 
 def aeroelastic(preset: str = "flap", parameters: Mapping[str, Any] | None = None) -> "ModalAircraft":
-    """Return the aircraft of preset "flap", "aileron", or "combined": both inputs and both references (seed 001, 6.3)."""
+    """Return the aircraft of preset "flap", "aileron", or "combined": both inputs and both references (Miller 2012, 6.3)."""
     resolved = resolve(NAME, PRESETS, preset, parameters or {})
     values = {name: parameter.value for name, parameter in resolved.items()}
     surfaces = [s for s in FAMILIES if f"{s}_travel" in values]
@@ -79,7 +79,7 @@ class ModalAircraft(LinearPlant):
     """The aircraft as it is flown; its outputs are the sensors, the gyro in closed loop, and the measured positions.
 
     Views: "plant", from commands to sensors and gyro (the controller sees the gyro; without it no predictor from the
-    commands would be right in closed loop); "position", from measured positions to sensors, the seed's case: noise on the
+    commands would be right in closed loop); "position", from measured positions to sensors, Miller's case: noise on the
     input, correlated with that on the outputs; in closed loop "input_response" and "setpoint_response" as well.
     The limits of travel and rate act on what the servos are told; what a gust pushes a surface comes on top.
     """
@@ -99,7 +99,7 @@ class ModalAircraft(LinearPlant):
             found[place] = replace(entry, views=views)
         return found
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view; that of "position" is derived here.
 
         Between samples a surface moves as its servo does, so that samples of its position do not hold all that moves the
@@ -115,7 +115,7 @@ class ModalAircraft(LinearPlant):
         of y from measured positions would see the noise twice.
         """
         if view != "position":
-            return super().truth_of(view, levels)
+            return super().derive_truth(view, levels)
         roles = next(iter(self.injections.values())).views[view]
         surfaces, sensors = len(roles.inputs), len(roles.outputs)
         n = len(self.dynamics.A) - self.dynamics.noise_states - (self.feedback is not None)  # without gust and roll

@@ -4,7 +4,7 @@ from plants.arguments import Parameter
 
 FAMILIES = {"flap": "symmetric", "aileron": "antisymmetric"}  # the modes that a surface moves
 
-NAMED = "assumption: seed 001 prints no frequency"
+NAMED = "assumption: Miller 2012 prints no frequency"
 SCALED = "assumption: accelerations of the order of 1 m/s2 for 1 deg, and for 1 m/s of gust"
 # frequency Hz, damping, force of the surface m/s2/deg, force of the gust m/s2 per m/s
 MODES = {
@@ -31,7 +31,7 @@ def _modes(family: str) -> dict[str, Parameter]:
 
 
 COMMON = {
-    "outputs": Parameter(94, "1", "seed 001, 6.2.1; of fewer, the sensors with most signal are kept"),
+    "outputs": Parameter(94, "1", "Miller 2012, 6.2.1; of fewer, the sensors with most signal are kept"),
     "speed": Parameter(273.0, "m/s", "assumption: Mach 0.85 at 4600 m"),
     "turbulence_length": Parameter(533.0, "m", "MIL-F-8785C: 1750 ft above 2000 ft"),
 }

@@ -87,7 +87,7 @@ class RamRate(Element):
     """A ram behind the command moves by at most `rate` (units/s): v is the command nearest to u that keeps it so.
 
     The ram is x+ = A x + B v with x = [position, rate], at rest before the first sample; where |rate+| would be larger,
-    v takes it to the limit exactly. One axis an input: A (nu, 2, 2), B (nu, 2), rate (nu,). What follows v stays linear,
+    v takes it to the limit exactly. One axis per input: A (nu, 2, 2), B (nu, 2), rate (nu,). What follows v stays linear,
     the ram's motion between the samples included.
     """
 

@@ -7,7 +7,7 @@ of z, as in scipy and python-control; num as rows for several outputs). All are 
     controller : a system from set-point and measured outputs to the inputs, or the gains kp, ki, kd of a PID from each
     measured output to the input of the same number; with `measured` (names of outputs, all unless given) and `sign` (-1,
     negative feedback); input_filter : a stable filter from what is played to u;
-    inputs, outputs : names with units; limits, setpoint_limits : the largest modulus, one number or one a channel.
+    inputs, outputs : names with units; limits, setpoint_limits : the largest modulus, one number or one per channel.
 """
 
 from collections.abc import Callable, Mapping
@@ -130,7 +130,7 @@ def _pid(gains: Mapping[str, Any], count: int, dt: float) -> System:
         for each in [gains.get(key, 0.0)]
     )
     if not len(kp) == len(ki) == len(kd) == count:
-        raise ExciteError(f"'controller.kp': give one number, or {count}, one a measured output; so ki and kd")
+        raise ExciteError(f"'controller.kp': give one number, or {count}, one per measured output; so ki and kd")
     parts = []
     for p, i, d in zip(kp, ki, kd, strict=True):
         A, B, C = np.diag([1.0, 0.0]), np.array([[dt], [1.0]]), np.array([[i, -d / dt]])
@@ -275,7 +275,7 @@ def channels_of(values: Mapping[str, Any], key: str, count: int, prefix: str) ->
 
 
 def limits_of(values: Mapping[str, Any], key: str, count: int) -> tuple[tuple[float, float], ...]:
-    """Return (-m, m) for the largest moduli m that `key` gives, one for all or one a channel."""
+    """Return (-m, m) for the largest moduli m that `key` gives, one for all or one per channel."""
     given = values[key]
     each = given if isinstance(given, list) else [given]
     each = each * count if len(each) == 1 else each

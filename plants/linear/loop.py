@@ -1,6 +1,6 @@
 """Linear plants in open or closed loop: dynamics with noise, feedback, their interconnection and its checks.
 
-The one diagram (seed 002, 6.1), r1 at the plant input and r2 at the set-point, s = -1 for negative feedback:
+The one diagram (Zaffalon and Hofmann 2024, 6.1), r1 at the plant input and r2 at the set-point, s = -1 for negative feedback:
 
     u = r1 + C(q) (r2 + s y_m),    v = actuator(u),    x+ = A x + B v + G n,    y = C x + D v + H n
 """

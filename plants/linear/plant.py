@@ -117,7 +117,7 @@ class LinearPlant(Plant):
         elements, parameters = elements_in_front(self.name, given, len(self.inputs), self.dt)
         return replace(self, parameters={**self.parameters, **parameters}, actuator=elements + self.actuator)
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the exact model of a view."""
         plant = self.dynamics.scaled(levels)
         n, nu = len(plant.A) - plant.noise_states, plant.B.shape[1]

@@ -1,6 +1,6 @@
 """The example systems of the sources, as printed, and classics: two masses and a spring, inverted pendulum, dead time.
 
-The sources count samples; where no sampling time is printed it is 1 s, so that rad/s is rad a sample.
+The sources count samples; where no sampling time is printed it is 1 s, so that rad/s is rad per sample.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ def _example(
     return Described(name, description, {"printed": parameters}, {"printed": noise}, note=note)
 
 
-MILLER = "seed 001 (Miller), Example "
+MILLER = "Miller 2012, Example "
 miller_31 = _example(
     "miller_31",
     "Miller, Example 3.1: four lightly damped poles, two outputs; for the step response",
@@ -78,7 +78,7 @@ miller_51 = _example(
     output=Parameter(10.0**0.5, "1", f"{MILLER}5.1: white, variance 10, through the noise filter"),
 )
 
-MERCERE = "seed 003 (Mercère, Markovsky, Ramos), section V-"
+MERCERE = "Mercère, Markovsky and Ramos 2016, section V-"
 mercere_open = _example(
     "mercere_open",
     "Mercère, Markovsky and Ramos, V-A: one pole, feedthrough, innovation form",
@@ -114,7 +114,7 @@ mercere_closed = _example(
     ),
 )
 
-NOTES = "seed 002 (lecture notes), "
+NOTES = "Zaffalon and Hofmann 2024 (lecture notes), "
 _ARX = _printed(f"{NOTES}5.2.2: structure; {NOT_PRINTED}", num=[1.0], den=[1.0, -0.8])
 _EQUATION_ERROR = {"noise": Parameter({"K": [[0.8]]}, "1", f"{NOTES}5.2.2: H = 1/A, in innovation form")}
 _ARX_NOISE = "white e; assumption: half the input's standard deviation, the source prints no number"
@@ -133,7 +133,7 @@ etfe_transient = _example(
     "etfe_transient",
     "the ETFE transient example: a slow resonance from rest, whose first periods are transient",
     _printed(
-        f"{NOTES}3.2.1: {NOT_PRINTED}; poles of modulus 0.96 at 0.3 rad a sample",
+        f"{NOTES}3.2.1: {NOT_PRINTED}; poles of modulus 0.96 at 0.3 rad per sample",
         num=[1.0, 0.5],
         den=[1.0, -1.834, 0.9216],
     ),
@@ -164,7 +164,7 @@ two_mass_spring = Described(
     "two masses on a spring, pushed at the first: an integrator and a lightly damped mode, collocated or not",
     {
         "benchmark": {
-            "dt": Parameter(0.1, "s", "assumption: 44 samples a period of the mode"),
+            "dt": Parameter(0.1, "s", "assumption: 44 samples per period of the mode"),
             "mass_1": Parameter(1.0, "kg", BENCHMARK),
             "mass_2": Parameter(1.0, "kg", BENCHMARK),
             "stiffness": Parameter(1.0, "N/m", BENCHMARK),

@@ -59,9 +59,9 @@ def _tried(path: Path, modified: int, size: int) -> mujoco.MjModel:
         except subprocess.TimeoutExpired:
             raise ExciteError(f"{path}: MuJoCo does not compile it in {SECONDS} s; make it smaller") from None
     if trial.returncode < 0:
-        raise ExciteError(f"{path}: crashes MuJoCo (signal {-trial.returncode}); mend the model")
+        raise ExciteError(f"{path}: crashes MuJoCo (signal {-trial.returncode}); correct the model")
     if trial.returncode:
-        raise ExciteError(f"{path}: MuJoCo refuses it ({' '.join(trial.stderr.split())}); mend it at that place")
+        raise ExciteError(f"{path}: MuJoCo refuses it ({' '.join(trial.stderr.split())}); correct it at that place")
     model = mujoco.MjModel.from_xml_path(str(path))
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         raise ExciteError(f'{path}: integrator RK4 cannot be linearised; use integrator="implicitfast", or Euler')

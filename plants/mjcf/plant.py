@@ -41,7 +41,7 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         "inputs": Parameter(NONE, "1", "names with units; none: those of the actuators, without unit"),
         "outputs": Parameter(NONE, "1", "names with units; none: those of the sensors"),
         "limits": Parameter([1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one each"),
-        "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one a set-point"),
+        "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one per set-point"),
     }
 }
 
@@ -65,9 +65,9 @@ class Mjcf(LinearPlant):
         given = self.values["file"]
         return files_of(Path(given)) if is_there(given) else ()
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the truth of a view, good for small motions."""
-        truth = super().truth_of(view, levels)
+        truth = super().derive_truth(view, levels)
         valid = f"small motions about {self.trim.name}; the linearisation of MuJoCo's own step by central differences"
         return replace(truth, kind="linearised", valid_amplitude=valid)
 
@@ -114,7 +114,7 @@ class Mjcf(LinearPlant):
         if np.abs(data.qvel).max() < FASTEST and np.abs(y).max() < DIVERGED:
             return
         raise SimulationStopped(
-            f"{self.name}: the motion diverged at {k * self.dt:.3f} s; reduce the excitation's amplitude, mend the controller, "
+            f"{self.name}: the motion diverged at {k * self.dt:.3f} s; reduce the excitation's amplitude, change the controller, "
             "or give the model a smaller timestep"
         )
 

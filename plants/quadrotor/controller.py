@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from plants.quadrotor.arithmetic import Arithmetic
-from plants.quadrotor.parameters import FULL_COMMAND, GRAVITY, thrust_map
+from plants.quadrotor.parameters import DEGREES, FULL_COMMAND, GRAVITY, thrust_map
 
 RATE_DT = 0.002  # s, rate loops at 500 Hz
 FRAME = 2  # rate steps in one step of the attitude loops, which run at 250 Hz
@@ -58,10 +58,35 @@ class Controller:
         self._motor = thrust_map(values)
         self._mass, self._kp, self._kd = (values[name] for name in ("mass", "altitude_kp", "altitude_kd"))
         self._range = self._motor.thrust(0.0), self._motor.thrust(FULL_COMMAND)
+        self._outer: tuple[Any, Any] = 0.0, 0.0
         self._clip, self._floor, self._sqrt = arithmetic.clip, arithmetic.floor, arithmetic.sqrt
 
+    def step(
+        self,
+        k: int,
+        base: Any,
+        rates: tuple,
+        roll: Any,
+        pitch: Any,
+        set_point: tuple,
+        rates_added: tuple,
+        motors_added: tuple,
+    ) -> tuple[Any, ...]:
+        """Return the set-points of p and q [deg/s], the roll, pitch and yaw commands, and the four motors', at step k.
+
+        base : collective command; rates [rad/s], roll, pitch [deg] : measured; set_point : roll, pitch [deg] and yaw rate
+        [deg/s]; rates_added [deg/s] and motors_added [16-bit units] : what is played further inside.
+        """
+        if k % FRAME == 0:
+            self._outer = self.attitude(set_point[0] - roll, set_point[1] - pitch)
+        p_ref, q_ref = self._outer[0] + rates_added[0], self._outer[1] + rates_added[1]
+        r_ref = set_point[2] + rates_added[2]
+        p, q, r = rates
+        commands = self.rate(p_ref - p * DEGREES, q_ref - q * DEGREES, r_ref - r * DEGREES)
+        return p_ref, q_ref, *commands, *self.mix(base, *commands, motors_added)
+
     def attitude(self, roll_error: Any, pitch_error: Any) -> tuple[Any, Any]:
-        """Roll and pitch rate set-points [deg/s] from attitude errors [deg]; call once a frame."""
+        """Roll and pitch rate set-points [deg/s] from attitude errors [deg]; call once per frame."""
         return self._attitude[0].update(roll_error), self._attitude[1].update(pitch_error)
 
     def rate(self, p_error: Any, q_error: Any, r_error: Any) -> tuple[Any, Any, Any]:

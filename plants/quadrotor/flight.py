@@ -14,12 +14,11 @@ import numpy as np
 from excite.errors import SimulationStopped
 from excite.types.channel import Channel
 from plants.noise import draw
-from plants.quadrotor.air import Drag, wind
+from plants.quadrotor.air import wind
 from plants.quadrotor.arithmetic import ARRAYS, FLOATS, Arithmetic
-from plants.quadrotor.battery import Battery
-from plants.quadrotor.controller import ATTITUDE_DT, FRAME, RATE_DT, Controller
-from plants.quadrotor.estimator import Mahony, roll_and_pitch
-from plants.quadrotor.parameters import DEGREES, GRAVITY, NOISE_CHANNELS, thrust_map
+from plants.quadrotor.controller import RATE_DT, Controller
+from plants.quadrotor.onboard import Motors, Sensors
+from plants.quadrotor.parameters import GRAVITY, NOISE_CHANNELS
 
 MIN_ALTITUDE = 0.1  # m, the ground is at 0
 MAX_TILT_DEG = 60.0
@@ -165,21 +164,16 @@ def _fly(
     if played.takeoff:
         body.position[2], body.thrust[:] = AT_REST, 0.0
     controller = Controller(values, arithmetic)
-    attitude, rate, collective, mix = controller.attitude, controller.rate, controller.collective, controller.mix
-    thrust, command = thrust_map(values).thrust, body.command
-    estimator = Mahony(values["estimator_kp"], ATTITUDE_DT, arithmetic) if values["estimator_kp"] else None
-    drag = Drag(values) if values["drag"] else None
-    battery = Battery(values, RATE_DT, arithmetic) if Battery.sags(values) else None
-    voltage = values["battery_voltage"]
+    sense, command = Sensors(values, arithmetic, body.force).read, controller.step
+    drive = Motors(values, arithmetic, body.command).drive
     min_cos_tilt, max_spin = math.cos(math.radians(MAX_TILT_DEG)), MAX_RATE * MAX_RATE
-    push_x = push_y = p_out = q_out = last_climb = 0.0
     disturbances = (
         noise.get(name, repeat((0.0,) * width)) for name, width in NOISE_CHANNELS.items() if not name.endswith("_bias")
     )
     everything = zip(
         range(len(played.u)), *played.rows(), _altitudes(values, played.takeoff), *disturbances, strict=False
     )
-    for k, set_point, rate_added, motors_added, aim, w, gyro_noise, angle_noise, shake, air in everything:
+    for k, set_point, rates_added, motors_added, aim, push, gyro, angles, shake, air in everything:
         x, y, z, qw, qx, qy, qz = read(body.position)
         vx, vy, climb, p, q, r = read(body.velocity)
         altitude_ref, climb_ref, lowest = aim
@@ -188,53 +182,12 @@ def _fly(
         safe = (cos_tilt > min_cos_tilt) & (z > lowest) & (spin < max_spin)
         if not arithmetic.all(safe):
             raise _stopped(k, safe, seeds, cos_tilt, z, spin, lowest)
-        p, q, r = p + gyro_noise[0], q + gyro_noise[1], r + gyro_noise[2]
-        if drag:
-            push_x, push_y = drag.act((vx, vy, climb), air, (qw, qx, qy, qz), body.force)
-        lift = (GRAVITY + (climb - last_climb) / RATE_DT) / cos_tilt
-        acc_x, acc_y, acc_z = push_x + shake[0], push_y + shake[1], lift + shake[2]
-        last_climb = climb
-        if not estimator:
-            angles = roll_and_pitch(arithmetic, qw, qx, qy, qz, cos_tilt)
-        elif k % FRAME == 0:
-            angles = estimator.update((p, q, r), (acc_x, acc_y, acc_z))
-        roll, pitch = angles[0] * DEGREES + angle_noise[0], angles[1] * DEGREES + angle_noise[1]
-        if k % FRAME == 0:
-            p_out, q_out = attitude(set_point[0] - roll, set_point[1] - pitch)
-        p_ref, q_ref, r_ref = p_out + rate_added[0], q_out + rate_added[1], set_point[2] + rate_added[2]
-        commands = rate(p_ref - p * DEGREES, q_ref - q * DEGREES, r_ref - r * DEGREES)
-        base = collective(altitude_ref - z, climb_ref - climb, cos_tilt)
-        m1, m2, m3, m4 = motors = mix(base, *commands, motors_added)
-        f1, f2, f3, f4 = thrust(m1), thrust(m2), thrust(m3), thrust(m4)
-        if battery:
-            strength, voltage = battery.update(f1 + f2 + f3 + f4), battery.voltage
-            f1, f2, f3, f4 = strength * f1, strength * f2, strength * f3, strength * f4
-        command[0], command[1], command[2], command[3] = f1 + w[0], f2 + w[1], f3 + w[2], f4 + w[3]
-        record(
-            (
-                base,
-                p_ref,
-                q_ref,
-                *commands,
-                *motors,
-                p,
-                q,
-                r,
-                roll,
-                pitch,
-                z,
-                x,
-                y,
-                qw,
-                qx,
-                qy,
-                qz,
-                acc_x,
-                acc_y,
-                acc_z,
-                voltage,
-            )
-        )
+        p, q, r = rates = p + gyro[0], q + gyro[1], r + gyro[2]
+        roll, pitch, ax, ay, az = sense(k, (qw, qx, qy, qz), (vx, vy, climb), cos_tilt, rates, angles, shake, air)
+        base = controller.collective(altitude_ref - z, climb_ref - climb, cos_tilt)
+        commanded = command(k, base, rates, roll, pitch, set_point, rates_added, motors_added)
+        voltage = drive(commanded, push)
+        record((base, *commanded, p, q, r, roll, pitch, z, x, y, qw, qx, qy, qz, ax, ay, az, voltage))
         step()
 
 

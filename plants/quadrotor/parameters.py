@@ -59,7 +59,7 @@ _IDEAL = {
     "estimator_kp": Parameter(0.0, "1/s", f"{OFF}: 0 measures attitude directly", "non-negative"),
     "drag": Parameter(0.0, "N s/m", OFF, "non-negative"),
     "drag_height": Parameter(0.0, "m", OFF, "any"),
-    "gust_tau": Parameter(1.0, "s", "assumption: eddies of metres at metres a second"),
+    "gust_tau": Parameter(1.0, "s", "assumption: eddies of metres at metres per second"),
     "battery_voltage": Parameter(3.9, "V", "assumption: one fresh lithium-polymer cell under load"),
     "battery_slope": Parameter(0.0, "V/(A h)", OFF, "non-negative"),
     "battery_resistance": Parameter(0.0, "ohm", OFF, "non-negative"),
@@ -93,7 +93,7 @@ _OUTDOORS = {
 }
 _PRESET_2013 = _VEHICLE_2013 | _GAINS_2013 | _FLIGHT | _IDEAL
 
-# 2013: the seed's vehicle; today: gains and mass of the present one; outdoors: today's with what the others idealise.
+# 2013: the vehicle of Kee (2013); today: gains and mass of the present one; outdoors: today's with what the others idealise.
 PRESETS: dict[str, dict[str, Parameter]] = {
     "2013": _PRESET_2013,
     "today": _PRESET_2013 | _TODAY,
@@ -120,15 +120,17 @@ _NOISE_INDOORS = {
     ),
     "attitude": Parameter(0.05, "deg", "assumption: short-term noise of a complementary filter, white, roll and pitch"),
     "accelerometer": Parameter(0.0, "m/s2", OFF),
-    "gyro_bias": Parameter(0.0, "rad/s", f"{OFF}; drawn once a flight"),
-    "accelerometer_bias": Parameter(0.0, "m/s2", f"{OFF}; drawn once a flight"),
+    "gyro_bias": Parameter(0.0, "rad/s", f"{OFF}; drawn once per flight"),
+    "accelerometer_bias": Parameter(0.0, "m/s2", f"{OFF}; drawn once per flight"),
     "gust": Parameter(0.0, "m/s", f"{OFF}; horizontal wind, acts through the drag"),
 }
 _NOISE_OUTDOORS = _NOISE_INDOORS | {
     "attitude": Parameter(0.0, "deg", "the estimator makes its own"),
     "accelerometer": Parameter(0.03, "m/s2", "assumption: 190 ug/sqrt(Hz), usual for MEMS, over 250 Hz"),
-    "gyro_bias": Parameter(0.002, "rad/s", "assumption: what calibration before take-off leaves; drawn once a flight"),
-    "accelerometer_bias": Parameter(0.1, "m/s2", "assumption: 10 mg after calibration; drawn once a flight"),
+    "gyro_bias": Parameter(
+        0.002, "rad/s", "assumption: what calibration before take-off leaves; drawn once per flight"
+    ),
+    "accelerometer_bias": Parameter(0.1, "m/s2", "assumption: 10 mg after calibration; drawn once per flight"),
     "gust": Parameter(0.5, "m/s", "assumption: light air; horizontal wind, acts through the drag"),
 }
 NOISE_SOURCES: dict[str, dict[str, Parameter]] = {

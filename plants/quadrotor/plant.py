@@ -45,7 +45,7 @@ class Quadrotor(Plant):
 
     Axes x forward, y left, z up; roll, pitch, yaw are right-handed ZYX Euler angles, so positive pitch is nose down.
 
-    Presets: "2013", the seed's: inertia and arm of crazyswarm2 at 27.5 g and the firmware gains of 2013. Its linearised
+    Presets: "2013", that of Kee (2013): inertia and arm of crazyswarm2 at 27.5 g and the firmware gains of 2013. Its linearised
     closed loop has, from roll set-point to roll, poles at 27.5 rad/s (damping 0.27, a pair), 3.03 and 0.71 rad/s, and
     from yaw-rate set-point to yaw rate 10.5 rad/s (0.91, a pair) and 0.55 rad/s. "today": gains of the present firmware,
     34 g. "outdoors": today's, with a battery that sags, rotor drag, gusts, sensor biases, and the attitude estimated by
@@ -125,7 +125,7 @@ class Quadrotor(Plant):
         loop = Loop("closed", entry="plant input" if inject == "motor_command" else "set-point")
         return Layout((*place.channels, *self.outputs), self.dt, place.views, "rates", loop)
 
-    def truth_of(self, view: str, levels: Mapping[str, float]) -> Truth:
+    def derive_truth(self, view: str, levels: Mapping[str, float]) -> Truth:
         """Return the small-signal model of a view."""
         known = {c.name: c for c in (*SET_POINTS, *RATES_ADDED, *MOTORS_ADDED, *self.outputs)}
         roles = self.views[view]

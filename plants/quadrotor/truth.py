@@ -8,6 +8,7 @@ import scipy.linalg as la
 
 from excite.errors import ExciteError
 from excite.models.state_space import StateSpaceModel
+from excite.numerics.matrices import spectral_radius
 from excite.types.channel import Channel
 from excite.types.truth import Truth
 from plants.noise import steady_kalman
@@ -46,7 +47,7 @@ def truth(
     "rates": commanded thrust differences to body rates, 6 states at 2 ms. The others hold with all loops closed, lifted
     over the two steps of a 4 ms frame, 11 states with the parameters of 2013; "attitude": set-points to roll, pitch and yaw
     rate; "rate_response", "motor_response": what is added there to body rates. Drag and estimator add states of their own,
-    gusts a state of noise an axis. A sagging battery is taken as fresh: it scales all thrusts by the voltage squared.
+    gusts a state of noise per axis. A sagging battery is taken as fresh: it scales all thrusts by the voltage squared.
 
     "telemetry" is "attitude" as a 10 ms log shows it. The log falls on frames and between frames in turn, so that the loop
     varies with a period of 20 ms. The model is the square root of the exact one over 20 ms, A10 = A4^(5/2) and
@@ -77,7 +78,7 @@ def truth(
         parameters[f"{axis.name}_acceleration"] = (axis.acceleration, "rad/s2/N")
         parameters[f"{axis.name}_thrust_per_unit"] = (axis.thrust_per_unit, "N")
     if K is not None:
-        parameters["predictor_spectral_radius"] = (float(abs(la.eigvals(A - K @ C)).max()), "1")
+        parameters["predictor_spectral_radius"] = (spectral_radius(A - K @ C), "1")
     kind = "periodically time-varying" if view == "telemetry" else "linearised"
     poles = np.concatenate([_own_poles(block) for block in blocks]) ** (
         dt / (RATE_DT if view == "rates" else ATTITUDE_DT)

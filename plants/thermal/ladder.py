@@ -19,7 +19,7 @@ from plants.linear.plant import LinearPlant
 from plants.noise import draw
 from plants.plant import Layout, Task
 
-FIVE = "assumption: five time constants over the range of seed 001, chapter 8"
+FIVE = "assumption: five time constants over the range of Miller 2012, chapter 8"
 LED = "Luminus SST-10 application note: LED, board, interface, heat sink"
 LARGEST_POWER = 20.0  # W, an assumption
 NAME = "thermal_ladder"
@@ -40,7 +40,7 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         ),
         "time_constant": Parameter([20e-6, 5e-4, 0.01, 0.25, 6.0], "s", FIVE),
         "nodes": Parameter([1], "1", "the source's own temperature"),
-        "dt": Parameter(20e-6, "s", "seed 001, chapter 8"),
+        "dt": Parameter(20e-6, "s", "Miller 2012, chapter 8"),
         **_COMMON,
     },
     "led": {
@@ -70,7 +70,7 @@ class ThermalLadder(LinearPlant):
     """Power into node 1 -> temperature rises over ambient at the observed nodes, from thermal equilibrium.
 
     resistance (n, m) K/W and tau (n,) s of the network seen from the m nodes: T = sum_i R_i x_i, tau_i dx_i/dt = P - x_i,
-    (8.1) of seed 001 with vectors R_i. It is solved exactly for power that is held: between samples where they are uniform,
+    (8.1) of Miller (2012) with vectors R_i. It is solved exactly for power that is held: between samples where they are uniform,
     as a sum of exponentials where they are not. by_voltage (m,) : 1 for node 1, whose temperature is measured electrically and
     shows electrical transients, which are no part of the truth; 0 for other nodes.
     """

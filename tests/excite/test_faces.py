@@ -7,7 +7,7 @@ import pytest
 from installed import python
 from paths import ROOT
 
-FACES = ("excite", "excite.files", "identify", "plants", "scenarios.cli")
+FACES = ("excite", "excite.files", "excite.generators", "identify", "plants", "scenarios.cli")
 
 
 def loaded_by(code):

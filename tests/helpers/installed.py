@@ -39,3 +39,10 @@ def python(*argv, path=(), cwd=None, **environment):
         errors="replace",
     )
     return done.returncode, done.stdout, done.stderr
+
+
+def plug_in(monkeypatch, registry, folder):
+    """Put a folder on the path and let a registry look for its entry points; both are undone when the test ends."""
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setitem(registry.__dict__, "_plugins", None)  # what it found is kept there, and comes back afterwards
+    del registry.__dict__["_plugins"]

@@ -663,3 +663,14 @@ def test_parts_play_one_after_the_other_with_rest_between(tmp_path):
         ExciteError, match=r"short\.toml: excitation\[0\]\.unit_ms: unknown key for a multistep; did you mean"
     ):
         load_scenario(str(unknown))
+
+
+def test_a_plant_that_samples_at_uneven_times_is_refused_by_its_own_name(tmp_path):
+    source = tomllib.loads(shipped()["thermal_step"].read_text(encoding="utf-8"))
+    source["plant"].setdefault("parameters", {})["samples_per_decade"] = 20.0
+    path = tmp_path / "uneven.toml"
+    path.write_text(tomli_w.dumps(source), encoding="utf-8")
+    code, _, err = excite("run", path, "-o", tmp_path / "out")
+    assert (
+        code == 2 and "plant.parameters: they have the plant sample at uneven times" in err and "log_times" not in err
+    )
