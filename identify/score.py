@@ -15,6 +15,7 @@ from identify.metrics.judgement import Case, Judgement
 from identify.metrics.metric import Metric, NotApplicable, Value
 from identify.metrics.registry import metrics_at
 from identify.steps.initial_state import initial_state
+from identify.steps.threads import blas_threads
 
 UNCLIPPED = "_unclipped"
 SAME_RATE = 1e-6  # relative difference of two sampling times that are the same
@@ -100,11 +101,16 @@ def score_in(case: Case, estimate: Estimate | Model) -> Score:
         gap_free((case.validation,), 1)  # refuses a record without a complete sample
     if case.truth is not None:
         _check_same_truth(model, case.truth.model)
-    judgement = Judgement(model, case)
+    with blas_threads(len(model.inputs) + len(model.outputs)):
+        return _scored(Judgement(model, case))
+
+
+def _scored(judgement: Judgement) -> Score:
+    """Return the values of all metrics, and why some have none."""
     values: dict[str, float] = {}
     per_output: dict[str, tuple[float, ...]] = {}
     reasons: dict[str, str] = {}
-    for metric in metrics_at(case.horizons):
+    for metric in metrics_at(judgement.case.horizons):
         found: Value = ()
         try:
             found = metric.measure(judgement)

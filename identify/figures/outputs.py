@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -10,14 +9,15 @@ from excite.figures.colours import Role
 from excite.figures.figure import Axis, Figure, Line, Mark, Panel
 from excite.figures.thinning import MOST_POINTS_FIGURE, thin, window
 from excite.models.model import Dynamic
-from excite.models.state_space import StateSpaceModel
 from excite.types.experiment import Experiment
 from excite.words import joined, number
 from identify.compare import Comparison, Row
 from identify.data.gaps import gap_free
 from identify.figures.rows import best_rows, colours, estimates, title
 from identify.metrics.fits import fit_percent
+from identify.metrics.judgement import PART
 from identify.steps.initial_state import initial_state
+from identify.steps.threads import blas_threads
 
 CAPTION = (
     "Left: the beginning of the validation run, measured and noise-free, with simulations driven by the inputs of the "
@@ -28,7 +28,6 @@ CAPTION_MEASURED = (
     "errors over the whole record. Axes keep to the range of the data."
 )
 MOST_CHANNELS = 6
-PART = 10  # samples per state in a gap-free part, as in the score: shorter ones the initial state alone explains
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,16 +78,15 @@ def outputs(comparison: Comparison) -> Figure | None:
     )
 
 
-def _simulate(dynamic: Any, record: Experiment) -> np.ndarray:
+def _simulate(model: Dynamic, record: Experiment) -> np.ndarray:
     """Return the simulation of each gap-free part from the initial state that fits best (N, ny), NaN in the gaps.
 
     It is finite however far it diverges.
     """
-    model: StateSpaceModel = dynamic.to_state_space()
     yhat = np.full(record.y.shape, np.nan)
-    for part in gap_free((record,), PART * model.order).parts:
-        with np.errstate(over="ignore", invalid="ignore"):
-            y = model.simulate(part.u, initial_state(model, part, predictor=False))
+    for part in gap_free((record,), PART * len(model.poles())).parts:
+        with np.errstate(over="ignore", invalid="ignore"), blas_threads(len(model.inputs) + len(model.outputs)):
+            y = model.response(part, initial_state(model, part, predictor=False))
         at = int(np.searchsorted(record.time_s, part.time_s[0]))
         yhat[at : at + len(y)] = np.nan_to_num(y, nan=1e150, posinf=1e150, neginf=-1e150)
     return yhat
