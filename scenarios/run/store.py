@@ -218,11 +218,11 @@ def open_folder(folder: Path, source: Mapping[str, Any]) -> Iterator[Store]:
 def _check_run(folder: Path, source: Mapping[str, Any]) -> str | None:
     """Return the resolved scenario that a folder holds, or None; refuse a folder that this one cannot go on in."""
     marker = folder / RESOLVED
-    if not marker.exists():
-        with writing(folder):
-            others = any(not _ours(path) for path in folder.iterdir())
-        if others:
-            raise ExciteError(f"{folder}: holds other files and no run; choose an empty or new folder with -o")
+    with writing(folder):
+        there, others = marker.exists(), any(not _ours(path) for path in folder.iterdir())
+    if not there and others:
+        raise ExciteError(f"{folder}: holds other files and no run; choose an empty or new folder with -o")
+    if not there:
         return None
     if not (folder / INDEX).is_dir():
         raise ExciteError(
@@ -241,9 +241,11 @@ def _check_run(folder: Path, source: Mapping[str, Any]) -> str | None:
 
 def check_comparison(folder: Path, result: str) -> None:
     """Refuse a folder that holds a run, or a comparison (its file `result`) of before there was an index."""
-    if (folder / RESOLVED).exists():
+    with writing(folder):
+        run, before = (folder / RESOLVED).exists(), (folder / result).exists() and not (folder / INDEX).is_dir()
+    if run:
         raise ExciteError(f"{folder}: holds a run of a scenario; choose another folder for the comparison with -o")
-    if (folder / result).exists() and not (folder / INDEX).is_dir():
+    if before:
         raise ExciteError(
             f"{folder}: holds a comparison of an earlier version, whose models nothing vouches for; choose another folder "
             "with -o, or remove this one"

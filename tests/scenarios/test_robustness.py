@@ -233,6 +233,34 @@ def test_huge_settings_are_a_reason_in_words(size, tmp_path):
     assert all("the largest possible" in row["reason"] for row in rows[1:])
 
 
+POSTPONED = """
+from __future__ import annotations
+from dataclasses import dataclass, field
+from identify.method import Method
+from identify.prediction_error.arx import Arx
+
+@dataclass(frozen=True)
+class Later(Arx):
+    name = "later"
+    summary = "annotations that are text"
+    weight: float = field(default=1.0, metadata={"minimum": 0})
+    inner: Method = Arx()
+"""
+
+
+def test_settings_are_checked_where_annotations_are_postponed(tmp_path, monkeypatch):
+    points = {"excite.methods": {"later": "later_module:Later"}}
+    put_on_path(install(tmp_path, "excite-later", {"later_module.py": POSTPONED}, points), monkeypatch)
+    assert load_method("later", inner="ssarx").inner == load_method("ssarx")
+    for settings, text in (
+        ({"weight": "x"}, "give a finite number"),
+        ({"weight": -1.0}, "at least 0"),
+        ({"inner": 3}, "give"),
+    ):
+        with pytest.raises(ExciteError, match=f"later.{next(iter(settings))}: .*{text}"):
+            load_method("later", **settings)
+
+
 # Twins and labels ----------------------------------------------------------------------------------------------------------
 
 

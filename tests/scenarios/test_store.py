@@ -10,13 +10,15 @@ import time
 
 import pytest
 import tomli_w
-from breaking import breakers, excite, record, scenario, source
-from installed import python
+from breaking import breakers, excite, put_on_path, record, scenario, source
+from installed import install, python
 from paths import ROOT
 
 from excite.errors import ExciteError
 from identify.compare import compare
-from identify.registry import load_method
+from identify.examples import series
+from identify.metrics.registry import METRICS
+from identify.registry import METHODS, load_method
 from scenarios.run.plan import make_plan
 from scenarios.run.run import run_scenario
 from scenarios.run.store import Store, hold, open_folder
@@ -211,7 +213,7 @@ def test_pieces_of_another_version_of_a_plug_in_are_made_again_alone(tmp_path, m
     assert excite(*argv)[0] == 0
     metadata = site / "excite_breakers-0.1.dist-info/METADATA"
     metadata.write_text(metadata.read_text().replace("Version: 0.1", "Version: 0.2"))
-    breakers_again(monkeypatch)
+    monkeypatch.delitem(METHODS.__dict__, "_plugins")
     (note,), _ = run(out, method=methods)
     assert note.startswith("2 pieces were made by another version of the code or of a plug-in")
     changed = {name for name, stamp in times(out).items() if stamp != before[name]}
@@ -219,11 +221,17 @@ def test_pieces_of_another_version_of_a_plug_in_are_made_again_alone(tmp_path, m
     assert "1 piece was made by another version" in excite(*argv)[2]
 
 
-def breakers_again(monkeypatch):
-    """Have the registry of methods look at the installed packages again."""
-    from identify.registry import METHODS
-
-    monkeypatch.delitem(METHODS.__dict__, "_plugins")
+def test_a_metric_that_comes_with_a_package_is_found_for_what_was_kept(tmp_path, monkeypatch):
+    run(tmp_path / "out")
+    text = "from identify.metrics.fits import FIT_SIMULATION as MINE\n"
+    site = install(
+        tmp_path / "site", "excite-mine", {"mine_metric.py": text}, {"excite.metrics": {"mine": "mine_metric:MINE"}}
+    )
+    put_on_path(site, monkeypatch, METRICS)
+    (note,), _ = run(tmp_path / "out")
+    assert note.startswith("4 pieces were made by another version of the code or of a plug-in")
+    for row in rows(tmp_path / "out/scores.json")[0]:
+        assert row["metrics"]["mine"] == row["metrics"]["fit_simulation"]
 
 
 # Damage, and folders of others -------------------------------------------------------------------------------------------
@@ -324,6 +332,18 @@ def test_what_is_in_the_way_is_named(room, tmp_path):
         assert code == 2 and str(out / room) in err and "Traceback" not in err
 
 
+@pytest.mark.parametrize("folder", ["", "x" * 300, "a/" * 3000], ids=["empty", "long", "deep"])
+def test_what_is_no_path_is_refused(folder, tmp_path, monkeypatch):
+    compared = ("compare", *record(tmp_path), "--methods", "arx", "--orders", "2", "-o", folder)
+    ran = ("run", scenario(tmp_path), "-o", folder, "--jobs", "1")
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    for argv in (compared, ran):
+        code, out, err = excite(*argv)
+        assert (code, out) == (2, "") and err.startswith("excite: -o '") and "Traceback" not in err
+    assert not list((tmp_path / "work").iterdir())
+
+
 def test_a_folder_that_cannot_be_written_is_an_error_in_words(tmp_path, monkeypatch):
     argv = ("compare", *record(tmp_path), "--methods", "arx,ssarx", "--orders", "2", "-o", tmp_path / "out")
 
@@ -341,8 +361,6 @@ def test_a_folder_that_cannot_be_written_is_an_error_in_words(tmp_path, monkeypa
 
 
 def test_a_dictionary_keeps_trials_too():
-    from identify.examples import series
-
     data, _ = series()
     store: dict = {}
     first = compare(data, ["arx"], [2], validation=data, store=store)
