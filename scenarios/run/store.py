@@ -129,7 +129,7 @@ class Store:
         """Keep a recording."""
         path = self.path(name)
         make_folder(path.parent)
-        temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}")
+        temporary = self.folder / f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}"  # not among the finished ones
         try:
             save_recording(recording, temporary)
             clear(path)

@@ -1,7 +1,6 @@
 """Scenario files: TOML in, a checked `Scenario` out; every error names file, key path, value and remedy."""
 
 import inspect
-import operator
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -13,18 +12,16 @@ from excite.errors import DesignRefused, ExciteError, did_you_mean, placed
 from excite.generators import GENERATORS, in_sequence, rest
 from excite.types.recording import Roles
 from excite.types.signal import Signal
-from identify.compare import STATISTICS
 from identify.method import Method
 from identify.metrics.registry import find_metric, list_metrics
 from identify.orders.rules import ORDER_RULES
 from identify.registry import load_method, method_class
 from plants.plant import Plant
 from plants.registry import load_plant
+from scenarios.scenario.expectation import Expectation, read_expectation
 from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 
 LIBRARY = Path(__file__).parents[1] / "library"
-COMPARISONS = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
-BOUND = re.compile(r"\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decides itself
 
@@ -61,23 +58,6 @@ class MethodSpec:
     def build(self, horizons: Mapping[str, int]) -> Method:
         """Return the method with the horizons of the design rule filled in where the scenario gives none."""
         return load_method(self.name, **{**horizons, **self.settings})
-
-
-@dataclass(frozen=True)
-class Expectation:
-    """`view.method.metric.statistic` compared with a number."""
-
-    key: str
-    view: str
-    method: str
-    metric: str
-    statistic: str
-    comparison: str
-    bound: float
-
-    def holds(self, value: float) -> bool:
-        """Whether the value meets the bound; NaN never does."""
-        return bool(COMPARISONS[self.comparison](value, self.bound))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,14 +134,7 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     with placed(f"{file}: plant"):
         plant = load_plant(given[0], preset=given[1], parameters=given[2])
 
-    table = top.table("noise")
-    on = table.take("enabled", bool, True)
-    levels = {}
-    for key in plant.noise_sources:
-        value = table.take(key, NUMBER, None, at_least(0))
-        if value is not None:
-            levels[key] = float(value)
-    table.done()
+    noise = _noise(top.table("noise"), plant)
 
     table = top.table("loop")
     inject = table.take("inject", str, next(iter(plant.injections)))
@@ -177,6 +150,54 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     discard_s = float(table.take("discard_s", NUMBER, 0.0, at_least(0)))
     table.done()
 
+    views, methods = _views_and_methods(top, plant, inject)
+    names = [view.name for view in views]
+    rank_by, horizons_s, bands_hz = _score(top.table("score"), views)
+
+    table = top.table("expect")
+    labels = [(m.view, m.label or m.name) for m in methods]
+    expect = tuple(read_expectation(key, value, table.place, names, labels) for key, value in table.values.items())
+    top.done()
+    return Scenario(
+        name=name,
+        seed=seed,
+        description=description,
+        plant=plant,
+        preset=given[1],
+        parameters=given[2],
+        noise=noise,
+        inject=inject,
+        excitation=excitation,
+        views=views,
+        methods=methods,
+        estimation_runs=estimation_runs,
+        validation_runs=validation_runs,
+        discard_s=discard_s,
+        rank_by=rank_by,
+        bands_hz=bands_hz,
+        horizons_s=horizons_s,
+        expect=expect,
+        source=source,
+        file=file,
+    )
+
+
+def _noise(table: TomlTable, plant: Plant) -> bool | dict[str, float]:
+    """Return whether there is any noise, or the standard deviations by source where some are given."""
+    on, levels = table.take("enabled", bool, True), {}
+    for key in plant.noise_sources:
+        value = table.take(key, NUMBER, None, at_least(0))
+        if value is not None:
+            levels[key] = float(value)
+    table.done()
+    return levels if (on and levels) else on
+
+
+def _views_and_methods(
+    top: TomlTable, plant: Plant, inject: str
+) -> tuple[tuple[ViewSpec, ...], tuple[MethodSpec, ...]]:
+    """Return the views, each with a method, and the methods, no two alike."""
+    file = top.place.removesuffix(": ")
     if "setting" in top.values:
         raise ExciteError(f"{file}: setting: is called 'view' now, also in [[method]]; rename [[setting]] to [[view]]")
     views = tuple(_view(row, plant, inject) for row in top.tables("view"))
@@ -194,35 +215,7 @@ def check_scenario(source: Mapping[str, Any], file: str) -> Scenario:
     for i, view in enumerate(names):
         if view not in [m.view for m in methods]:
             raise ExciteError(f"{file}: view[{i}]: no method for '{view}'; give it one, or drop the view")
-
-    rank_by, horizons_s, bands_hz = _score(top.table("score"), views)
-
-    table = top.table("expect")
-    expect = tuple(_expectation(key, value, table.place, names, methods) for key, value in table.values.items())
-    top.done()
-    scenario = Scenario(
-        name=name,
-        seed=seed,
-        description=description,
-        plant=plant,
-        preset=given[1],
-        parameters=given[2],
-        noise=levels if (on and levels) else on,
-        inject=inject,
-        excitation=excitation,
-        views=views,
-        methods=methods,
-        estimation_runs=estimation_runs,
-        validation_runs=validation_runs,
-        discard_s=discard_s,
-        rank_by=rank_by,
-        bands_hz=bands_hz,
-        horizons_s=horizons_s,
-        expect=expect,
-        source=source,
-        file=file,
-    )
-    return scenario
+    return views, methods
 
 
 def check_signal(scenario: Scenario, signal: Signal) -> None:
@@ -405,23 +398,3 @@ def _refuse_twins(methods: tuple[MethodSpec, ...]) -> None:
             seen.append(mine)
         if m.label is not None and labels.setdefault((m.label, m.view), mine[:2]) != mine[:2]:
             raise ExciteError(f"{m.place}.label: '{m.label}' stands for two methods in view '{m.view}'; give another")
-
-
-def _expectation(key: str, value: Any, place: str, views: list[str], methods: tuple[MethodSpec, ...]) -> Expectation:
-    place = f'{place}"{key}"'
-    match = BOUND.fullmatch(value) if isinstance(value, str) else None
-    if match is None:
-        raise ExciteError(f'{place}: {value!r}; give a comparison such as "<= 0.02"')
-    parts = key.split(".")
-    if len(parts) not in (3, 4):
-        raise ExciteError(f'{place}: give "method.metric.statistic" or "view.method.metric.statistic"')
-    if len(parts) == 3 and len(views) > 1:
-        raise ExciteError(f"{place}: there are {len(views)} views; put one first: {', '.join(views)}")
-    view = parts[0] if len(parts) == 4 else views[0]
-    method, metric, statistic = parts[-3:]
-    here = [name for m in methods if m.view == view for name in (m.label or m.name,)] + ["best"]
-    metrics = [metric] if find_metric(metric) else list_metrics()
-    for part, known in ((view, views), (method, here), (metric, metrics), (statistic, STATISTICS)):
-        if part not in known:
-            raise ExciteError(f"{place}: '{part}' is not known here; {did_you_mean(part, known)}")
-    return Expectation(key, view, method, metric, statistic, match[1], float(match[2]))
