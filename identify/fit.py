@@ -62,6 +62,8 @@ def fit(
         compressed = _compressed(method, ready, shared)
         order, notes = _order(method, compressed, ready, order)
         estimate = method.realize(compressed, order, ready)
+    if not isinstance(estimate, Estimate):
+        raise ExciteError(f"{method.name}: realize returned a {type(estimate).__name__}; it must return an Estimate")
     estimate = replace(estimate, warnings=(*told, *notes, *estimate.warnings), settings=Frozen(method.settings()))
     if isinstance(measured, Records):
         estimate = _about_records(estimate, method, measured, ready)
