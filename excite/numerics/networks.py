@@ -1,7 +1,7 @@
 """Thermal RC networks: Cauer ladders, Foster networks, accurate conversion both ways, and their exact response.
 
 A Cauer ladder has its heat source at node 1: C_k from node k to ambient, R_k from node k to node k + 1, R_n to ambient.
-A Foster network is the sum of modes R_i / (1 + s tau_i), the form (8.1) of seed 001. Temperatures are rises above ambient.
+A Foster network is the sum of modes R_i / (1 + s tau_i), the form (8.1) of Miller (2012). Temperatures are rises above ambient.
 """
 
 import numpy as np

@@ -62,7 +62,7 @@ def select_outputs(
 ) -> dict[str, float]:
     """Return the outputs whose mean coherence over the band is at least `threshold`, with that coherence.
 
-    The rule by which seed 001, 6.2.1, keeps 8 or 49 of 94 signals (2/3 over 3 to 35 Hz).
+    The rule by which Miller (2012), 6.2.1, keeps 8 or 49 of 94 signals (2/3 over 3 to 35 Hz).
     """
     if not 0 <= threshold <= 1:
         raise ExciteError(f"threshold: {threshold:g}; coherence lies between 0 and 1")

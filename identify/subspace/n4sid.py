@@ -20,7 +20,7 @@ ALGORITHMS = ("states", "robust")
 
 @dataclass(frozen=True)
 class N4sid(TwoHorizonMethod):
-    """N4SID with the weights of the unifying theorem (Van Overschee and De Moor 1994, 1995; seed 000 chapter 3).
+    """N4SID with the weights of the unifying theorem (Van Overschee and De Moor 1994, 1995; Kee 2013, chapter 3).
 
     O = Y_f /_(U_f) Z_p is the part of the future outputs that the past explains along the future inputs; the SVD of
     W1 O W2 gives the state X = J Z_p, with W1 = I, W2 = I ("n4sid"), W1 = I, W2 = Pi_(U_f)^perp ("moesp"), or
