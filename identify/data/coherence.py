@@ -23,7 +23,7 @@ def output_coherence(
 
     band_hz : first and last frequency; instrument : "reference", "inputs", or None: the reference where one is recorded.
     """
-    from scipy.signal import csd  # slow to import, and the pipeline seldom needs it
+    from scipy.signal import csd  # slow to import, and few runs need it
 
     z, dt = _instrument(experiment, instrument), experiment.dt
     if dt is None or np.isnan(experiment.y).any() or np.isnan(z).any():

@@ -44,13 +44,13 @@ class N4sid(TwoHorizonMethod):
         data = future_lq(factor)
         past, future = data.groups(1, 3), data.groups(3, 4)
         seen = data.L[past] if self.weight == "n4sid" else data.L[past, past]
-        whitening = coloring = np.eye(len(data.on_past))
+        whitening = colouring = np.eye(len(data.on_past))
         if self.weight == "cva":
             free = data.L[future, data.groups(1, 4)]
             whitening, basis = orthonormal(free)
-            coloring = free @ basis.T  # inverse of the whitening where there is anything to whiten
+            colouring = free @ basis.T  # inverse of the whitening where there is anything to whiten
         left, values, _ = la.svd(whitening @ data.on_past @ seen, full_matrices=False, check_finite=False)
-        gamma = coloring @ left if self.algorithm == "robust" else None
+        gamma = colouring @ left if self.algorithm == "robust" else None
         return Subspace(values, left.T @ whitening, data.on_past, gamma)
 
     def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:

@@ -25,7 +25,7 @@ from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 LIBRARY = Path(__file__).parents[1] / "library"
 COMPARISONS = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
 BOUND = re.compile(r"\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
-FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decides itself
+FIXED = ("channels", "seed")  # arguments of a generator that a run decides itself
 
 
 @dataclass(frozen=True)
