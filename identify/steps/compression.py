@@ -110,7 +110,7 @@ def require_excitation(data: PastFuture, start: int, stop: int, what: str) -> No
 
 
 def lq(*groups: np.ndarray) -> list[list[np.ndarray]]:
-    """LQ decomposition of stacked row groups: blocks L[i][j] with group_i = sum_j L[i][j] Q_j, seed 000 eq. (3.16)."""
+    """LQ decomposition of stacked row groups: blocks L[i][j] with group_i = sum_j L[i][j] Q_j, Kee (2013), eq. (3.16)."""
     L = lower_factor(np.vstack(groups))
     cuts = [slice(a, b) for a, b in pairwise(_edges(groups))]
     return [[L[i, j] for j in cuts] for i in cuts]

@@ -57,7 +57,7 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
         every = max(q for q in range(1, hold + 1) if hold % q == 0 and q <= max(most, 1))
         notes.append(
             f"decimation {every}: the largest divisor of the input's hold ({hold} samples) with {SAMPLES_PER_CYCLE} or "
-            f"more samples a cycle of the fastest pole; dt {_ms(every * dt)}"
+            f"more samples per cycle of the fastest pole; dt {_ms(every * dt)}"
         )
     lifted = truth.model.lift(every)
     rows = HORIZON / (slow * lifted.dt)

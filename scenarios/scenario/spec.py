@@ -26,7 +26,7 @@ LIBRARY = Path(__file__).parents[1] / "library"
 COMPARISONS = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
 BOUND = re.compile(r"\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
-FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decides itself
+FIXED = ("channels", "seed")  # arguments of a generator that a run decides itself
 
 
 @dataclass(frozen=True)
