@@ -126,7 +126,7 @@ def test_shared_factors_give_the_same_estimate():
     for method in (iem, ssarx):
         shared_one, own = fit(data, method, 4, shared=shared), fit(data, method, 4)
         assert shared_one.model.impulse(20).tobytes() == own.model.impulse(20).tobytes()
-    assert list(shared) == [(iem.compression, 0)]
+    assert list(shared) == [(iem.compression, 0, None)]
 
 
 def test_poor_excitation_is_refused_with_the_orders():
