@@ -12,7 +12,8 @@ from excite.models.arrays import covariance, finite, offset, read_only
 from excite.models.model import Parametric, Predictor, Record, check_horizons
 from excite.models.state_space import StateSpaceModel, poles_of
 from excite.numerics.simulate import divide, fir, rational
-from excite.types.channel import Channel, channels_for, positive
+from excite.types.channel import Channels, channels_for, positive
+from excite.types.checked import NOT_GIVEN, ArrayByDefault, OptionalArray
 
 COEFFICIENTS = {"a": 1, "b": 0, "c": 1, "d": 1, "f": 1}  # lag of the first coefficient that is not fixed at one
 
@@ -60,15 +61,15 @@ class PolynomialModel(Predictor, Parametric):
     a: np.ndarray
     b: np.ndarray
     dt: float
-    innovation_cov: np.ndarray | None = None
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    c: np.ndarray | None = None
-    d: np.ndarray | None = None
-    f: np.ndarray | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
-    free: np.ndarray | None = None
+    innovation_cov: OptionalArray = NOT_GIVEN
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    c: ArrayByDefault = NOT_GIVEN
+    d: ArrayByDefault = NOT_GIVEN
+    f: ArrayByDefault = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
+    free: OptionalArray = NOT_GIVEN
 
     def __post_init__(self) -> None:
         def put(key: str, value: object) -> None:

@@ -15,7 +15,8 @@ from excite.models.model import Dynamic, Parametric, Predictor, Record, check_ho
 from excite.models.modes import Mode, modal_basis, modes_of
 from excite.numerics.kalman import kalman_gain
 from excite.numerics.simulate import fir, markov, observability, simulate, states
-from excite.types.channel import Channel, channels_for, positive
+from excite.types.channel import Channels, channels_for, positive
+from excite.types.checked import NOT_GIVEN, ArrayByDefault, OptionalArray
 
 if TYPE_CHECKING:
     import control
@@ -36,12 +37,12 @@ class StateSpaceModel(Predictor, Parametric):
     C: np.ndarray
     D: np.ndarray
     dt: float
-    K: np.ndarray | None = None
-    innovation_cov: np.ndarray | None = None
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
+    K: OptionalArray = NOT_GIVEN
+    innovation_cov: OptionalArray = NOT_GIVEN
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
 
     def __post_init__(self) -> None:
         n = len(np.atleast_2d(self.A)) if np.size(self.A) else 0
@@ -256,10 +257,10 @@ class ContinuousModel(Dynamic):
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
 
     def __post_init__(self) -> None:
         n = len(np.atleast_2d(self.A)) if np.size(self.A) else 0

@@ -9,6 +9,7 @@ import numpy as np
 from excite.arguments import positive as positive  # passed on: what has channels has a dt
 from excite.arguments import whole
 from excite.errors import ExciteError
+from excite.types.checked import Checked
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,10 @@ class Channel:
         """Read ``name [unit]`` or ``name``."""
         match = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\])?\s*", text, re.DOTALL)
         return cls(match[1], match[2] or "")
+
+
+# The field of a type that holds channels: names or channels are given, or None for numbered ones.
+Channels = Checked[Sequence[Channel | str] | None, tuple[Channel, ...]]
 
 
 def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: str) -> tuple[Channel, ...]:

@@ -9,11 +9,11 @@ from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import Channel, channels_for, period_of, positive, samples, time_axis
 from excite.types.experiment import Experiment
 from excite.types.frozen import Frozen, ReadOnlyArrays
-from excite.types.level import Level
+from excite.types.level import ZERO, CheckedLevel, Level
 from excite.types.loop import Loop
 from excite.types.origin import Origin
 
-OPEN, ZERO, NOWHERE = Loop("open"), Level("zero"), Origin()
+OPEN, NOWHERE = Loop("open"), Origin()
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Recording(ReadOnlyArrays):
     period: int | None = None
     loop: Loop = OPEN
     origin: Origin = NOWHERE
-    level: str | Level | tuple = ZERO
+    level: CheckedLevel = ZERO
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", samples(self.values, "Recording.values", missing=True))

@@ -6,7 +6,8 @@ import numpy as np
 
 from excite.arguments import multiple
 from excite.errors import ExciteError
-from excite.types.channel import Channel, channels_for, period_of, positive, samples
+from excite.types.channel import Channels, channels_for, period_of, positive, samples
+from excite.types.checked import NOT_GIVEN
 from excite.types.frozen import ReadOnlyArrays
 from excite.types.recipe import Recipe
 
@@ -21,7 +22,7 @@ class Signal(ReadOnlyArrays):
 
     u: np.ndarray
     dt: float
-    channels: tuple[Channel, ...] | None = None
+    channels: Channels = NOT_GIVEN
     period: int | None = None
     recipe: Recipe | None = None
 

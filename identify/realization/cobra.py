@@ -39,7 +39,7 @@ class CovarianceFunctions:
 
 
 @dataclass(frozen=True)
-class Cobra(StateSpaceMethod):
+class Cobra(StateSpaceMethod[Records]):
     """Covariance-based realization (Miller 2012, chapter 5).
 
     R_u(tau) = E u(t + tau) xi(t)^T and R_y with an instrument xi that the noise does not reach obey the plant's own

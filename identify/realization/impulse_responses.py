@@ -96,7 +96,7 @@ class ResponseFactor:
 
 
 @dataclass(frozen=True)
-class ResponseMethod(StateSpaceMethod):
+class ResponseMethod(StateSpaceMethod[Records]):
     """A method over the Hankel matrix of impulse responses or free decays.
 
     An impulse may have any height and instant; the record must be at rest before it. With decays alone the model has

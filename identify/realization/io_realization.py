@@ -40,7 +40,7 @@ class ShiftedRecords:
 
 
 @dataclass(frozen=True)
-class IoRealization(StateSpaceMethod):
+class IoRealization(StateSpaceMethod[Records]):
     """Realization by shift invariance in the output data (Miller 2012, chapter 4).
 
     Y_(0|r-1) = O X + T' U_(0|r) + V and Y_(1|r) = O A X + T U_(0|r) + V' are seen through an instrument Z that the

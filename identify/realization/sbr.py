@@ -34,7 +34,7 @@ class StepFactor:
 
 
 @dataclass(frozen=True)
-class Sbr(StateSpaceMethod):
+class Sbr(StateSpaceMethod[Records]):
     """Step-based realization (van Helmont et al. 1990; Miller and de Callafon 2009; Miller 2012, chapter 3).
 
     While the input is constant, Y = O_r X + T U has all columns of T U equal; without them Y = O_r (X - X_0) and, one

@@ -72,12 +72,19 @@ def compare(
     else:
         old = [f"old: not asked for this time: {', '.join(report['old'])}"] if report["old"] else []
         print_lines([f"validation: {label}", *_table(found), *old])
+    for note in report["notes"]:
+        click.echo(f"note: {note}", err=True)
     for row in found.rows:
         for failure in row.failures:
             if failure.traceback:
                 reason = f"{failure.reason} (the traceback is in {target / 'comparison.json'})"
                 click.echo(f"warning: {row.title}: {reason}", err=True)
-    return 2 if found.failed else 0
+    if found.failed:
+        click.echo(
+            f"excite: {target}: no method gave a model; see the reasons in {target / 'comparison.json'}", err=True
+        )
+        return 2
+    return 0
 
 
 def _table(found: "Comparison") -> list[str]:

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import click
 
 from excite.errors import ExciteError, did_you_mean, placed
-from excite.files import load_signal, save_signal
+from excite.files import save_signal
 from excite.files.toml import read_toml
 from excite.generators import GENERATORS
 from excite.limits.limits import Limits, load_limits
@@ -72,8 +72,9 @@ def _play(name: str) -> Callable:
         draw = plot_later(plot)
         parameters = {key: toml_value(text) for key, text in given.items() if text is not None}
         bounds = None if limits is None else load_limits(limits)
-        _write(out, _prepared(GENERATORS[name](**parameters), limits, bounds, block_rows), as_json, {}, [])
-        draw(load_signal(out), bounds)
+        played = _prepared(GENERATORS[name](**parameters), limits, bounds, block_rows)
+        _write(out, played, as_json, {}, [])
+        draw(played.signal, bounds)
         return 0
 
     return command
@@ -174,8 +175,9 @@ def parts(file: str, out: str, block_rows: int, limits: str | None, plot: str | 
     with placed(file):
         signal = play(chosen, channels, seed)
     bounds = None if limits is None else load_limits(limits)
-    _write(out, _prepared(signal, limits, bounds, block_rows), as_json, {}, [])
-    draw(load_signal(out), bounds)
+    played = _prepared(signal, limits, bounds, block_rows)
+    _write(out, played, as_json, {}, [])
+    draw(played.signal, bounds)
     return 0
 
 

@@ -43,7 +43,7 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
     moving = s[s * dt > INTEGRATOR] if (s * dt > INTEGRATOR).any() else np.array([1 / dt])
     slow, fast = moving.min(), moving.max()
     notes = [
-        f"slowest pole {slow:.2f} rad/s, fastest {fast:.1f} rad/s"
+        f"slowest pole {slow:.3g} rad/s, fastest {fast:.3g} rad/s"
         + (", integrators aside" if len(moving) < len(s) else "")
     ]
     if decimate != "auto":
