@@ -232,7 +232,7 @@ def test_lines_of_a_room_import_from_their_own_and_from_those_below(room):
     assert {f"{path.parent.relative_to(ROOT)}/" for path in (ROOT / room).glob("*/__init__.py")} <= line.keys()
     inside = {(a, b) for a, b in imports() if a in line and b in line}
     assert [(a, b) for a, b in sorted(inside) if line[a] > line[b]] == []
-    for name, k in line.items():  # no name stands higher than it needs to for no reason at all
+    for name, k in line.items():  # what stands above the last line uses something of its own line or below
         assert k == len(box.rows) - 1 or any(a == name and line[b] >= k for a, b in inside), name
 
 

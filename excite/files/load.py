@@ -44,15 +44,15 @@ def load_experiment(
 ) -> Experiment:
     """Return the experiment in a data file.
 
-    Own files need nothing but the path; a recording gives its default view, or the `view` named. Elsewhere `inputs`,
+    Files of excite need nothing but the path; a recording gives its default view, or the `view` named. Elsewhere `inputs`,
     `outputs` and `reference` choose columns; without them, headers such as ``u:flap``, u, u1, y2 and r count. Chosen
-    roles keep the period, the loop and the level that an own file states.
+    roles keep the period, the loop and the level that the file states.
 
     Parameters
     ----------
     path : file of a format that `excite.files.formats.FORMATS` reads.
-    inputs, outputs, reference : columns by name or by number from 0. No inputs, given as an empty list or in an own file
-        without any, leaves outputs alone.
+    inputs, outputs, reference : columns by name or by number from 0. An empty list, or a file of excite without
+        inputs, leaves outputs alone.
     dt : sampling time, s.
     time : the time column, in s; one called time_s, t_s, time or t is found.
     view : of a recording.
@@ -112,7 +112,7 @@ def load_signal(
 ) -> Signal:
     """Return the signal in a data file: its input columns, chosen as in `load_experiment`.
 
-    Recipe and period come back from own files (from CSV, while the sidecar belongs to exactly this file).
+    Recipe and period come back from files of excite (from CSV, while the sidecar belongs to exactly this file).
     """
     table = read_table(path)
     u = choose(table, "u", inputs)
@@ -136,7 +136,7 @@ def load_recording(path: str | os.PathLike) -> Recording:
 
 
 def _stated(table: Table, key: str, read: Callable[[Mapping], State]) -> State | None:
-    """Return what an own file's meta states of its loop or its level, None where it states nothing."""
+    """Return what a file.s meta states of its loop or its level, None where it states nothing."""
     with damaged(table.place):
         return None if table.meta.get(key) is None else read(table.meta[key])
 

@@ -44,7 +44,7 @@ def write(table: Table, path: Path) -> None:
 
 
 def read(path: Path) -> Table:
-    """Return the table in a .mat file of version 4, 5 or 7.3: an own one exactly, a foreign one's numeric arrays by name."""
+    """Return the table in a .mat file of version 4, 5 or 7.3: one of excite exactly, another.s numeric arrays by name."""
     import scipy.io
 
     try:

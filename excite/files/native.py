@@ -1,4 +1,4 @@
-"""What travels and the tables of own files: each type to a table and back, nothing lost."""
+"""What travels and the tables of files that excite writes: each type to a table and back, nothing lost."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -68,7 +68,7 @@ def to_recording(table: Table) -> Recording:
 
 
 def to_loop(meta: Mapping) -> Loop:
-    """Return the loop that the meta of an own file describes."""
+    """Return the loop that the meta of a file describes."""
     model = meta["controller"]
     if model is not None:
         arrays = {key: None if model[key] is None else np.array(model[key], dtype=np.float64) for key in ARRAYS}
@@ -77,13 +77,13 @@ def to_loop(meta: Mapping) -> Loop:
 
 
 def to_level(meta: Mapping) -> Level:
-    """Return the level that the meta of an own file states."""
+    """Return the level that the meta of a file states."""
     return Level(**meta)
 
 
 @contextmanager
 def damaged(place: str) -> Iterator[None]:
-    """Turn what an own file's unexpected meta raises into an error that names the file."""
+    """Turn what unexpected meta of a file of excite raises into an error that names the file."""
     try:
         yield
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""NumPy archives: own files bit for bit, foreign ones as named arrays. Never pickled objects."""
+"""NumPy archives: files of excite bit for bit, others as named arrays. Never pickled objects."""
 
 import json
 import zipfile
@@ -33,7 +33,7 @@ def write(table: Table, path: Path) -> None:
 
 
 def read(path: Path) -> Table:
-    """Return the table in an .npz file: an own one exactly, a foreign one's arrays by name."""
+    """Return the table in an .npz file: one of excite exactly, another.s arrays by name."""
     try:
         if not zipfile.is_zipfile(readable(path)):
             raise ExciteError(f"{path}: is not an .npz archive; write it with numpy.savez")

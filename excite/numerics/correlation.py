@@ -1,4 +1,4 @@
-"""Lagged products of long records, by FFT over blocks of samples: one transform a channel and block."""
+"""Lagged products of long records, by FFT over blocks of samples: one transform per channel and block."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ from scenarios.cli.reading import data_options, read_experiment
     type=click.Choice(["auto", "none"]),
     default="none",
     show_default=True,
-    help="auto: score against the truth of the simulated plant that FILE, one of our recordings, comes from.",
+    help="auto: score against the truth of the simulated plant that FILE, a recording of excite, comes from.",
 )
 @data_options
 @json_option

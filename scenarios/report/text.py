@@ -17,7 +17,7 @@ WIDTH = 140
 
 
 def summary_text(result: RunResult) -> list[str]:
-    """Return what `excite run` prints: certificates, a ranking table a view, verdicts, expectations, where it lies."""
+    """Return what `excite run` prints: certificates, a ranking table per view, verdicts, expectations, where it lies."""
     lines = [result.scenario.name, result.scenario.description, ""]
     for view in result.views:
         lines += _view(result, view)
