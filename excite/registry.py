@@ -35,7 +35,8 @@ class Registry(Generic[Entry]):
 
     @cached_property
     def _plugins(self) -> tuple[dict[str, EntryPoint], dict[str, str]]:
-        found, skipped = {}, {}
+        found: dict[str, EntryPoint] = {}
+        skipped: dict[str, str] = {}
         for point in sorted(entry_points(group=self.group), key=lambda point: (point.name, point.value)):
             if point.name in self.ours or point.name in found:
                 owner = found[point.name].value if point.name in found else "excite"

@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.digest import digest
 from excite.errors import ExciteError
+from excite.models.frequency_response import FrequencyResponse
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
 from identify.data.records import Data, Records
@@ -132,6 +133,15 @@ class Comparison:
     horizons: tuple[int, ...] = ()
 
     @property
+    def uniform_dt(self) -> float:
+        """The sampling time, s; raises ExciteError where the records have none."""
+        if self.dt is None:
+            raise ExciteError(
+                f"{self.name}: sampling is not uniform, and one sampling time is needed; resample the record"
+            )
+        return self.dt
+
+    @property
     def best(self) -> Row | None:
         """The first row that gave a model in every trial."""
         return next((row for row in self.rows if row.reason is None), None)
@@ -202,7 +212,7 @@ def entries(
 
 
 def _labelled(found: Sequence[Entry]) -> Iterator[Entry]:
-    taken: set[str] = set()
+    taken: set[tuple[str, ...]] = set()
     for entry in found:
         twins = [other.method for other in found if other.label == entry.label and other.method != entry.method]
         label = entry.label
@@ -267,15 +277,15 @@ def trial_key(base: str, method: Method, order: int | str | None) -> str:
 
 def _trial(entry: Entry, order: int | str | None, data: Data, judge: Judge, name: str, shared: dict[Any, Any]) -> Trial:
     """Fit and score; any exception but an interrupt is a failure of this trial alone."""
-    known = {"label": entry.label, "method": entry.method.name, "order": order, "data": name}
+    known = entry.label, entry.method.name, order, name
     try:
         estimate = fit(data, entry.method, order, shared=shared)
-        return Trial(**known, estimate=estimate, score=judge(estimate))
+        return Trial(*known, estimate=estimate, score=judge(estimate))
     except ExciteError as error:
-        return Trial(**known, failure=Failure(str(error)))
+        return Trial(*known, failure=Failure(str(error)))
     except Exception as error:  # of whatever kind: the other trials go on
         reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        return Trial(**known, failure=Failure(reason, traceback.format_exc()))
+        return Trial(*known, failure=Failure(reason, traceback.format_exc()))
 
 
 def compared(
@@ -298,7 +308,7 @@ def compared(
     first = judge.validation[0] if judge.validation else None
     return Comparison(
         name=name,
-        dt=judge.truth.model.dt if first is None and judge.truth is not None else first and first.dt,
+        dt=judge.truth.model.dt if first is None and judge.truth is not None else None if first is None else first.dt,
         closed=closed,
         rows=tuple(sorted(rows, key=lambda row: (row.rank_value, _unclipped(row, rank_by[0])))),
         validation=first,
@@ -324,10 +334,8 @@ def _row(trials: tuple[Trial, ...], rank_by: tuple[str, ...], consistent: Mappin
     summary = {name: statistics([score.values.get(name, float("nan")) for score in scores]) for name in names}
     failed = [trial.failure for trial in trials if trial.failure is not None]
     reasons = absent(scores)
-    if failed:
-        value, reason = np.inf, failed[0].reason
-    else:
-        value, reason = ranking_value({name: each["median"] for name, each in summary.items()}, reasons, rank_by)
+    medians = {name: each["median"] for name, each in summary.items()}
+    value, reason = (np.inf, failed[0].reason) if failed else ranking_value(medians, reasons, rank_by)
     claim = consistent[first.method] if first.method in consistent else METHODS[first.method].consistent_in_closed_loop
     return Row(first.label, first.method, first.order, claim, trials, summary, reasons, value, reason)
 
@@ -375,7 +383,7 @@ def compare(
     >>> len(found.rows), found.best.method in ("arx", "ssarx")
     (4, True)
     """
-    ready = Records.of(data) if not hasattr(data, "frf") else data
+    ready = data if isinstance(data, FrequencyResponse) else Records.of(data)
     chosen = entries(methods, orders)
     judge = Judge(() if validation is None else (validation,), truth, horizons=horizons, band_hz=band_hz)
     trials = run_trials(chosen, ready, judge, store=store, progress=progress)

@@ -36,7 +36,9 @@ class Generators(click.Group):
             return OTHERS[name]
         if name not in GENERATORS:
             raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, [*GENERATORS, *OTHERS])}", ctx)
-        command = click.Command(name, callback=_play(name), help=inspect.getdoc(GENERATORS[name]).splitlines()[0])
+        command = click.Command(
+            name, callback=_play(name), help=(inspect.getdoc(GENERATORS[name]) or name).splitlines()[0]
+        )
         documented = documentation(GENERATORS[name])
         for parameter in inspect.signature(GENERATORS[name]).parameters.values():
             required = parameter.default is inspect.Parameter.empty

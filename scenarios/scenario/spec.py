@@ -314,7 +314,9 @@ def _view(table: TomlTable, plant: Plant, inject: str) -> ViewSpec:
     closed = any(roles.closed for roles in plant.injections[inject].views.values()) and not outside.issuperset(
         given["inputs"]
     )
-    return ViewSpec(name, Roles(**given, closed=closed), False, decimate, coherence)
+    return ViewSpec(
+        name, Roles(given["inputs"], given["outputs"], given["reference"], closed=closed), False, decimate, coherence
+    )
 
 
 def _methods(table: TomlTable, views: list[str]) -> list[MethodSpec]:

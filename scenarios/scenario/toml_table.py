@@ -25,7 +25,8 @@ class TomlTable:
     def __init__(self, values: Any, place: str) -> None:
         if not isinstance(values, dict):
             raise bad(place.rstrip("."), values, "give a table, with a [header] of its own")
-        self.values, self.place, self.known = dict(values), place, []
+        self.values, self.place = dict(values), place
+        self.known: list[str] = []
 
     def take(self, key: str, kind: type | tuple[type, ...], default: Any = ..., check: Callable | None = None) -> Any:
         """Return the value of a key, of one of the types given; `check` returns the remedy for a bad value, or None."""
