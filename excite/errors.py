@@ -4,6 +4,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 
+LONGEST = 600  # characters of an error in words
+
 
 class ExciteError(Exception):
     """Bad input or usage; the command line prints the message and exits with `exit_code`."""
@@ -30,6 +32,20 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     known = sorted(known)
     near = get_close_matches(name, known, n=1, cutoff=0.6)
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+
+
+def in_words(error: BaseException) -> str:
+    """Return an error of whatever kind as one line: its message where it is ours, else its type and message.
+
+    Messages of many lines become one line, and the longest are cut: the traceback has the whole.
+    """
+    try:
+        text = " ".join(str(error).split())
+    except Exception:  # an error of another package whose message cannot be made
+        text = ""
+    if not isinstance(error, ExciteError):
+        text = f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 @contextmanager

@@ -1,12 +1,13 @@
 """Registries: one line per entry of ours, and entry points of installed packages beside them."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, distributions, entry_points
 from typing import Any, Generic, TypeVar
 
-from excite.errors import ExciteError, did_you_mean
+from excite.errors import ExciteError, did_you_mean, in_words
 
 Entry = TypeVar("Entry")
 
@@ -23,10 +24,18 @@ class Registry(Generic[Entry]):
     thing : what one entry is called in messages, "method"; the group of entry points is "excite.methods".
     ours : name -> "module:attribute".
     accepts : returns why an object cannot be an entry, or None.
+    named : an object with a `name` must have that of its entry point.
     """
 
-    def __init__(self, thing: str, ours: Mapping[str, str], accepts: Callable[[Any], str | None] | None = None) -> None:
-        self.thing, self.ours, self.accepts = thing, dict(ours), accepts
+    def __init__(
+        self,
+        thing: str,
+        ours: Mapping[str, str],
+        accepts: Callable[[Any], str | None] | None = None,
+        *,
+        named: bool = False,
+    ) -> None:
+        self.thing, self.ours, self.accepts, self.named = thing, dict(ours), accepts, named
 
     @property
     def group(self) -> str:
@@ -37,20 +46,32 @@ class Registry(Generic[Entry]):
     def _plugins(self) -> tuple[dict[str, EntryPoint], dict[str, str]]:
         found: dict[str, EntryPoint] = {}
         skipped: dict[str, str] = {}
-        for point in sorted(entry_points(group=self.group), key=lambda point: (point.name, point.value)):
-            if point.name in self.ours or point.name in found:
-                owner = found[point.name].value if point.name in found else "excite"
-                skipped[f"{point.name} ({point.value})"] = f"the name is taken by {owner}; rename the entry point"
+        for point in sorted(_installed(self.group), key=lambda point: (point.name, point.value, _owner(point))):
+            name = point.name
+            if name in self.ours or name in found:
+                owner = _owner(found[name]) if name in found else "excite"
+                reason: str | None = f"the name is taken by {owner}; rename the entry point"
             else:
-                found[point.name] = point
-        for name in list(found):
-            try:
-                reason = self.accepts and self.accepts(found[name].load())
-            except Exception as error:  # a plug-in may raise anything; doctor tells
-                reason = f"{type(error).__name__}: {error}"
-            if reason:
-                skipped[f"{name} ({found.pop(name).value})"] = reason
+                reason = self._refused(point)
+            if reason is None:
+                found[name] = point
+                continue
+            place = f"{name} ({point.value})"
+            skipped[place if place not in skipped else f"{name} ({point.value}, {_owner(point)})"] = reason
         return found, skipped
+
+    def _refused(self, point: EntryPoint) -> str | None:
+        """Load an entry point and return why it cannot be an entry, or None."""
+        try:
+            loaded = point.load()
+            own = getattr(loaded, "name", point.name) if self.named else point.name
+            if own != point.name:
+                return f"it calls itself {own!r}; give the entry point that name"
+            return self.accepts(loaded) if self.accepts else None
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a plug-in may raise anything, and may try to exit; doctor tells
+            return in_words(error)
 
     @property
     def skipped(self) -> dict[str, str]:
@@ -79,3 +100,20 @@ class Registry(Generic[Entry]):
         if name in self._plugins[0]:
             return self._plugins[0][name].load()
         raise ExciteError(f"{self.thing} '{name}' does not exist; {did_you_mean(str(name), self)}")
+
+
+def _installed(group: str) -> list[EntryPoint]:
+    """Return the entry points of a group; a package whose list of them cannot be read has none."""
+    try:
+        return list(entry_points(group=group))
+    except Exception:  # one damaged package must not take the others with it
+        found: dict[str, list[EntryPoint]] = {}
+        for distribution in distributions():
+            with suppress(Exception):
+                found.setdefault(distribution.name, list(distribution.entry_points))
+        return [point for points in found.values() for point in points if point.group == group]
+
+
+def _owner(point: EntryPoint) -> str:
+    """Return the package that an entry point comes from."""
+    return point.value if point.dist is None else f"{point.dist.name} ({point.value})"

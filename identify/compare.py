@@ -1,25 +1,26 @@
 """Methods side by side: trials, what keeps them, and the comparison that is made of them."""
 
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from excite.digest import digest
-from excite.errors import ExciteError
+from excite.errors import ExciteError, in_words
 from excite.models.frequency_response import FrequencyResponse
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
 from identify.data.records import Data, Records
+from identify.entries import Entry, entries, packages_of
 from identify.estimate import Estimate
 from identify.fit import fit
 from identify.method import Method
 from identify.metrics.fits import floor_metric
 from identify.metrics.frequency import band_of
 from identify.metrics.ranking import ranking_value
-from identify.registry import METHODS, load_method
+from identify.registry import METHODS
 from identify.score import UNCLIPPED, Score, absent, case_of, mean_score, score_in
 
 STATISTICS = ("median", "q25", "q75", "min", "max", "mean")
@@ -34,17 +35,10 @@ class Failure:
     reason: str
     traceback: str | None = None
 
-
-@dataclass(frozen=True)
-class Entry:
-    """A method with its settings, at some orders, under the label that tables show.
-
-    orders : whole numbers or rules ("bic"); (None,) leaves the choice to the method.
-    """
-
-    label: str
-    method: Method
-    orders: tuple[int | str | None, ...] = (None,)
+    @classmethod
+    def of(cls, error: BaseException) -> "Failure":
+        """Return what an error that is being handled says; an answer in words needs no traceback."""
+        return cls(in_words(error), None if isinstance(error, ExciteError) else traceback.format_exc())
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,48 +187,6 @@ class Judge:
         return digest(self.validation, self.clean, self.truth, self.horizons, self.band_hz)
 
 
-def entries(
-    methods: Iterable[str | Method | Entry], orders: Sequence[int | str | None] | None = None
-) -> tuple[Entry, ...]:
-    """Return entries with labels that differ: a method's name, followed by the settings that set twins apart.
-
-    orders : of the methods that come without any; a method without an order makes one row.
-    """
-    found = []
-    for each in methods:
-        if isinstance(each, Entry):
-            found.append(each)
-            continue
-        method = load_method(each) if isinstance(each, str) else each
-        asked = (None,) if method.order_is is None or not orders else tuple(orders)
-        found.append(Entry(method.name, method, asked))
-    return tuple(_labelled(found))
-
-
-def _labelled(found: Sequence[Entry]) -> Iterator[Entry]:
-    taken: set[tuple[str, ...]] = set()
-    for entry in found:
-        twins = [other.method for other in found if other.label == entry.label and other.method != entry.method]
-        label = entry.label
-        if twins:
-            mine = entry.method.settings()
-            apart = {k: v for k, v in mine.items() if any(other.settings().get(k) != v for other in twins)}
-            label = " ".join([entry.label, *(f"{name}={_short(value)}" for name, value in apart.items())])
-        base, count = label, 2
-        while (*_key(label), *map(str, entry.orders)) in taken:
-            label, count = f"{base} ({count})", count + 1
-        taken.add((*_key(label), *map(str, entry.orders)))
-        yield Entry(label, entry.method, entry.orders)
-
-
-def _key(label: str) -> tuple[str]:
-    return (label.casefold(),)
-
-
-def _short(value: Any) -> str:
-    return value["method"] if isinstance(value, Mapping) else str(value)
-
-
 def run_trials(
     chosen: Sequence[Entry],
     data: Data,
@@ -263,16 +215,15 @@ def run_trials(
         key = trial_key(base, entry.method, order)
         kept = store.get(key)
         if kept is None:
-            kept = _trial(entry, order, data, judge, name, shared)
-            store[key] = kept
+            kept = _keep(store, key, _trial(entry, order, data, judge, name, shared))
         trials.append(kept.under(entry.label))
         progress(done + 1, len(pairs))
     return tuple(trials)
 
 
 def trial_key(base: str, method: Method, order: int | str | None) -> str:
-    """Return the key of a trial: digest of data and judge, the method with its settings, and where it comes from."""
-    return digest(base, method.name, method.settings(), order, METHODS.distribution(method.name))
+    """Return the key of a trial: digest of data and judge, the method with its settings, and the packages it rests on."""
+    return digest(base, method.name, method.settings(), order, packages_of(method, order))
 
 
 def _trial(entry: Entry, order: int | str | None, data: Data, judge: Judge, name: str, shared: dict[Any, Any]) -> Trial:
@@ -281,11 +232,22 @@ def _trial(entry: Entry, order: int | str | None, data: Data, judge: Judge, name
     try:
         estimate = fit(data, entry.method, order, shared=shared)
         return Trial(*known, estimate=estimate, score=judge(estimate))
-    except ExciteError as error:
-        return Trial(*known, failure=Failure(str(error)))
-    except Exception as error:  # of whatever kind: the other trials go on
-        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        return Trial(*known, failure=Failure(reason, traceback.format_exc()))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # of whatever kind, an exit among them: the other trials go on
+        return Trial(*known, failure=Failure.of(error))
+
+
+def _keep(store: MutableMapping[str, Trial], key: str, trial: Trial) -> Trial:
+    """Put a trial into the store; an estimate that has no form to be kept in is a failure of this trial alone."""
+    try:
+        store[key] = trial
+    except Exception as error:
+        if isinstance(error.__cause__ or error.__context__, OSError):  # the store cannot be written
+            raise
+        trial = replace(trial, estimate=None, score=None, failure=Failure.of(error))
+        store[key] = trial
+    return trial
 
 
 def compared(

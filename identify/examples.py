@@ -14,7 +14,7 @@ from excite.numerics.simulate import simulate
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.data.records import Kind
-from identify.method import Method
+from identify.method import Method, Need
 
 Example = tuple[tuple[Any, ...], Any]
 DT = 0.1
@@ -58,7 +58,8 @@ def closed_loop(samples: int, seed: int) -> tuple[Experiment, StateSpaceModel]:
         y[k] = z[k] + 0.8 * v[k]
     A, B, C, D = (np.array(each) for each in ([[1.5, -0.7], [1, 0]], [[1], [0]], [[1, 0.5]], [[0]]))
     truth = StateSpaceModel(A, B, C, D, 1.0)
-    return Experiment(u, y, dt=1.0, reference=r, loop=Loop("closed")), truth
+    reference = np.append(r[1:], 0.0)  # r(k) moves u(k - 1)
+    return Experiment(u, y, dt=1.0, reference=reference, loop=Loop("closed")), truth
 
 
 def _series(noise: float, length: int) -> Example:
@@ -128,4 +129,12 @@ def example_of(method: Method, noise: float = 0.1, length: int = 1) -> Example:
     own = method.example(noise, length)
     if own is not None:
         return own
-    return next(EXAMPLES[kind] for kind in Kind if kind in method.takes and kind in EXAMPLES)(noise, length)
+    data, truth = next(EXAMPLES[kind] for kind in Kind if kind in method.takes and kind in EXAMPLES)(noise, length)
+    return tuple(with_needs(method, record) for record in data), truth
+
+
+def with_needs(method: Method, record: Any) -> Any:
+    """Return a record with the reference that a method needs: in open loop, what is played."""
+    if Need.REFERENCE not in method.needs:
+        return record
+    return replace(record, reference=record.u, references=None)

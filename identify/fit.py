@@ -13,7 +13,7 @@ from excite.models.model import Dynamic, Model
 from excite.types.experiment import Experiment
 from excite.types.frozen import Frozen
 from identify.data.gaps import gap_free
-from identify.data.records import Data, Kind, Records, mismatch, missing_sample, out_of_range, proportional
+from identify.data.records import Data, Kind, Records, constant, mismatch, missing_sample, out_of_range, proportional
 from identify.estimate import Estimate, Status
 from identify.method import Method, Need
 from identify.orders.rules import Candidates, order_rule
@@ -62,6 +62,8 @@ def fit(
         compressed = _compressed(method, ready, shared)
         order, notes = _order(method, compressed, ready, order)
         estimate = method.realize(compressed, order, ready)
+    if not isinstance(estimate, Estimate):
+        raise ExciteError(f"{method.name}: realize returned a {type(estimate).__name__}; it must return an Estimate")
     estimate = replace(estimate, warnings=(*told, *notes, *estimate.warnings), settings=Frozen(method.settings()))
     if isinstance(measured, Records):
         estimate = _about_records(estimate, method, measured, ready)
@@ -72,8 +74,10 @@ def check(method: Method, data: Data, order: int | str | None) -> None:
     """Raise Unsupported or ExciteError when the data or the order cannot work."""
     if reason := unsupported(method, data):
         raise Unsupported(f"{method.name}: {reason}")
-    if isinstance(data, Records) and Kind.SERIES in method.takes and (reason := proportional(data.parts(1))):
-        raise ExciteError(reason)
+    if isinstance(data, Records) and Kind.SERIES in method.takes:
+        parts = data.parts(1)
+        if reason := constant(parts) or proportional(parts):
+            raise ExciteError(reason)
     if method.order_is is None:
         if order is not None:
             raise ExciteError(f"{method.name}: order {order!r}; this method has no order, leave it out")

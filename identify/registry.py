@@ -10,7 +10,13 @@ from identify.method import Method
 
 
 def _no_method(found: Any) -> str | None:
-    return None if isinstance(found, type) and issubclass(found, Method) else "is no subclass of identify.method.Method"
+    """Return why something in an entry point is no method, or None."""
+    if not (isinstance(found, type) and issubclass(found, Method)):
+        return "is no subclass of identify.method.Method"
+    if missing := getattr(found, "__abstractmethods__", None):
+        return f"lacks {', '.join(sorted(missing))}"
+    lacking = [each for each in ("name", "summary") if not isinstance(getattr(found, each, None), str)]
+    return f"has no {' and no '.join(lacking)}, a text" if lacking else None
 
 
 # One line adds a method: name -> "module:class". Installed packages add theirs under the entry points excite.methods.
@@ -40,6 +46,7 @@ METHODS: Registry[type[Method]] = Registry(
         "wfa": "identify.subspace.wfa:Wfa",
     },
     accepts=_no_method,
+    named=True,
 )
 
 

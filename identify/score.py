@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from excite.errors import ExciteError
+from excite.errors import ExciteError, in_words
 from excite.models.model import Dynamic, Model, Predictor
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
@@ -113,13 +113,13 @@ def _scored(judgement: Judgement) -> Score:
     for metric in metrics_at(judgement.case.horizons):
         found: Value = ()
         try:
-            found = metric.measure(judgement)
+            found = np.asarray(metric.measure(judgement), float)
         except NotApplicable as error:
             reasons[metric.name], found = str(error), error.per_output
-        except ExciteError as error:
-            reasons[metric.name] = str(error)
-        except Exception as error:  # a metric, perhaps of another package, that fails takes nothing else with it
-            reasons[metric.name] = f"{type(error).__name__}: {error}"
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a metric, perhaps of another package, that fails takes nothing else with it
+            reasons[metric.name] = in_words(error)
         _enter(metric, found, values, per_output, reasons)
     return Score(values, per_output, None, reasons)
 

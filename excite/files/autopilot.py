@@ -71,7 +71,7 @@ class Autopilot:
         """Return the sweep that the autopilot will play, sampled as the signal is; refuse a signal it cannot play."""
         if len(signal.channels) != 1:
             raise ExciteError(
-                f"{len(signal.channels)} channels, but {self.name} sweeps one axis a flight; export one channel"
+                f"{len(signal.channels)} channels, but {self.name} sweeps one axis per flight; export one channel"
             )
         try:
             recipe = signal.recipe or Recipe("none")

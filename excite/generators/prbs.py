@@ -358,7 +358,7 @@ def _clock_warning(highest_hz: float | None, dt: float) -> list[str]:
         return []
     ratio = 1 / (highest_hz * dt)
     return [
-        f"the clock, {1 / dt:g} Hz at one sample a chip, is only {ratio:.3g} x highest_hz; sample faster to reach {CLOCK}"
+        f"the clock, {1 / dt:g} Hz at one sample per chip, is only {ratio:.3g} x highest_hz; sample faster to reach {CLOCK}"
     ]
 
 

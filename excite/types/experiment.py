@@ -32,7 +32,7 @@ class Experiment(ReadOnlyArrays):
     outputs: Channels = NOT_GIVEN
     references: Channels = NOT_GIVEN
     period: int | None = None
-    loop: Checked[Loop | None, Loop] = NOT_GIVEN
+    loop: Checked[Loop | str | None, Loop] = NOT_GIVEN
     name: str = "data"
     level: CheckedLevel = ZERO
 
@@ -61,7 +61,7 @@ class Experiment(ReadOnlyArrays):
         else:
             time = time_axis(self.time_s, len(self.u), "Experiment.time_s")
         object.__setattr__(self, "time_s", time)
-        object.__setattr__(self, "loop", self.loop or Loop("open"))
+        object.__setattr__(self, "loop", Loop.of(self.loop))
         object.__setattr__(self, "level", Level.of(self.level))
         object.__setattr__(self, "period", period_of(self.period, "Experiment.period"))
 

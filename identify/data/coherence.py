@@ -23,7 +23,7 @@ def output_coherence(
 
     band_hz : first and last frequency; instrument : "reference", "inputs", or None: the reference where one is recorded.
     """
-    from scipy.signal import csd  # slow to import, and the pipeline seldom needs it
+    from scipy.signal import csd  # slow to import, and few runs need it
 
     z, dt = _instrument(experiment, instrument), experiment.dt
     if dt is None or np.isnan(experiment.y).any() or np.isnan(z).any():
@@ -62,7 +62,7 @@ def select_outputs(
 ) -> dict[str, float]:
     """Return the outputs whose mean coherence over the band is at least `threshold`, with that coherence.
 
-    The rule by which seed 001, 6.2.1, keeps 8 or 49 of 94 signals (2/3 over 3 to 35 Hz).
+    The rule by which Miller (2012), 6.2.1, keeps 8 or 49 of 94 signals (2/3 over 3 to 35 Hz).
     """
     if not 0 <= threshold <= 1:
         raise ExciteError(f"threshold: {threshold:g}; coherence lies between 0 and 1")

@@ -211,6 +211,28 @@ def _out_of_range(values: np.ndarray, channels: Sequence[Channel]) -> str | None
     return None
 
 
+def constant(parts: tuple[Experiment, ...]) -> str | None:
+    """Return which input or output never moves, and what to do, or None."""
+    for key, role in (("u", "inputs"), ("y", "outputs")):
+        first = getattr(parts[0], key)[:1]
+        still = np.ones(first.shape[1], bool)
+        for part in parts:
+            signal = getattr(part, key)
+            for start in range(0, len(signal), BEGINNING):
+                if not still.any():  # as a rule after the first thousand samples
+                    break
+                still &= (signal[start : start + BEGINNING] == first).all(0)
+        for i in np.flatnonzero(still):
+            name, value = getattr(parts[0], role)[i].name, first[0, i]
+            if key == "y":
+                return f"output '{name}' is constant ({value:g}); drop the channel"
+            return (
+                f"input '{name}' is constant ({value:g}), so it is persistently exciting of order {int(value != 0)} only; "
+                "excite it or drop the channel"
+            )
+    return None
+
+
 def proportional(parts: tuple[Experiment, ...]) -> str | None:
     """Return which two inputs or two outputs are multiples of each other in every sample, or None."""
     for key, role, remedy in (

@@ -3,8 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from excite.errors import in_words
 from excite.figures.colours import Role
+from excite.figures.csv import to_csv
 from excite.figures.figure import Axis, Figure, Panel, Text
+from excite.figures.json import to_json
+from excite.figures.svg import to_svg
 from excite.registry import Registry
 from identify.compare import Comparison
 
@@ -50,11 +54,17 @@ def _drawn(name: str, comparison: Comparison) -> Figure | None:
         return draw(comparison)
     try:
         figure = draw(comparison)
-        if figure is None or isinstance(figure, Figure):
+        if figure is None:
+            return None
+        if isinstance(figure, Figure):
+            for render in (to_svg, to_json, to_csv):  # what cannot be shown is found here
+                render(figure)
             return figure
         reason = f"it returned a {type(figure).__name__}, not a Figure"
-    except Exception as error:  # a plug-in may raise anything
-        reason = f"{type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plug-in may raise anything, an exit among it
+        reason = in_words(error)
     said = f"{name} could not be drawn: {reason}"
     note = Text(0.5, 0.5, reason, frame="panel", across="center", colour=Role.NOTE)
     panel = Panel((note,), Axis(ticks=()), Axis(ticks=()))

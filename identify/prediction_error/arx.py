@@ -16,7 +16,7 @@ from identify.steps.initial_state import initial_state
 
 @dataclass(frozen=True)
 class Arx(Method[Records, int]):
-    """Multivariable ARX by least squares: y(t) + A_1 y(t-1) + … = B_k u(t-k) + … + e(t) (seed 002, 5.2).
+    """Multivariable ARX by least squares: y(t) + A_1 y(t-1) + … = B_k u(t-k) + … + e(t) (Zaffalon and Hofmann 2024, 5.2).
 
     The order is the number of lags of y and of u each; delay : k, the first lag of u (0 lets u act at once).
     Consistent in open and closed loop when the noise is ARX, biased otherwise; high orders approximate any noise.

@@ -41,7 +41,7 @@ class CovarianceFunctions:
 
 @dataclass(frozen=True)
 class Cobra(StateSpaceMethod[Records]):
-    """Covariance-based realization (Miller and de Callafon; seed 001, chapter 5).
+    """Covariance-based realization (Miller 2012, chapter 5).
 
     R_u(tau) = E u(t + tau) xi(t)^T and R_y with an instrument xi that the noise does not reach obey the plant's own
     equations, R_x(tau + 1) = A R_x(tau) + B R_u(tau), R_y = C R_x + D R_u, whatever the noise. Their block-Hankel
@@ -57,7 +57,7 @@ class Cobra(StateSpaceMethod[Records]):
 
     block_rows : r; first_lag, last_lag : lags in samples, -r and 2 r when not given; instrument : "inputs",
     "reference", or "auto" (inputs in open loop, reference in closed loop); segments : 1, or the pieces of Welch's
-    smoothed covariance (5.4.2; 8 in the seed's software, no gain on its Example 5.1); feedthrough : estimate D (else zero).
+    smoothed covariance (5.4.2; 8 in Miller's software, no gain on its Example 5.1); feedthrough : estimate D (else zero).
     """
 
     name: ClassVar[str] = "cobra"
@@ -163,5 +163,5 @@ class Cobra(StateSpaceMethod[Records]):
 
 
 def shifted_covariances(R_u: np.ndarray, R_y: np.ndarray, rows: int) -> ShiftedData:
-    """Block-Hankel matrices of covariance functions with the input rows projected out, seed 001 eq. (5.2)-(5.4)."""
+    """Block-Hankel matrices of covariance functions with the input rows projected out, Miller (2012), eq. (5.2)-(5.4)."""
     return shifted_data(hankel_of(R_u, rows + 1), hankel_of(R_y, rows + 1), *R_y.shape[1:])

@@ -43,7 +43,7 @@ class ShiftedRecords:
 
 @dataclass(frozen=True)
 class IoRealization(StateSpaceMethod[Records]):
-    """Realization by shift invariance in the output data (Miller and de Callafon; seed 001, chapter 4).
+    """Realization by shift invariance in the output data (Miller 2012, chapter 4).
 
     Y_(0|r-1) = O X + T' U_(0|r) + V and Y_(1|r) = O A X + T U_(0|r) + V' are seen through an instrument Z that the
     noise does not reach, the inputs projected out of both, and A = S^-1/2 U^T Y' V S^-1/2 taken from the SVD of the
@@ -51,7 +51,7 @@ class IoRealization(StateSpaceMethod[Records]):
 
         H = Y_(0|r-1) Q_Z^T N,   H' = Y_(1|r) Q_Z^T N,   N the null space of U_(0|r) Q_Z^T.
 
-    Z = [U_(-p|-1); U_(0|r)] ("past_inputs") is the seed's Y Pi_(U^perp) Z^T up to the weight of its columns. In closed
+    Z = [U_(-p|-1); U_(0|r)] ("past_inputs") is Miller's Y Pi_(U^perp) Z^T up to the weight of its columns. In closed
     loop Y Pi_(U^perp) Z^T as printed is biased with any Z, since V U_(0|r)^T does not vanish; with the reference from p
     samples before to r after as Z, applied before the inputs are projected out, it is not. Without instrument (Q_Z = I)
     coloured noise biases the poles, also when it shares A's (4.4 denies that).

@@ -35,7 +35,7 @@ class StepFactor:
 
 @dataclass(frozen=True)
 class Sbr(StateSpaceMethod[Records]):
-    """Step-based realization (van Helmont et al. 1990; Miller and de Callafon 2009; seed 001, chapter 3).
+    """Step-based realization (van Helmont et al. 1990; Miller and de Callafon 2009; Miller 2012, chapter 3).
 
     While the input is constant, Y = O_r X + T U has all columns of T U equal; without them Y = O_r (X - X_0) and, one
     sample later, Y' = O_r A (X - X_0). From the SVD of Y, A = S^-1/2 U^T Y' V S^-1/2 and C is the first block of U S^1/2;

@@ -46,7 +46,7 @@ def cross_covariance(pairs: Pairs, first_lag: int, last_lag: int) -> np.ndarray:
 
 
 def smoothed_covariance(pairs: Pairs, first_lag: int, last_lag: int, segments: int) -> np.ndarray:
-    """Return the covariance function of Welch's cross-spectrum, (lags, c, m): seed 001, 5.4.2 and C.1 (`xcovsmooth`).
+    """Return the covariance function of Welch's cross-spectrum, (lags, c, m): Miller (2012), 5.4.2 and C.1 (`xcovsmooth`).
 
     Each record is cut into `segments` pieces that overlap by half, with a Hamming window on both signals. The mean of
     such an estimate is R(tau) times the window's own covariance function, which is divided out; so the linear relation

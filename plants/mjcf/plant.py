@@ -41,7 +41,9 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         ),
         "inputs": Parameter(NONE, "1", "names with units; none: those of the actuators, without unit"),
         "outputs": Parameter(NONE, "1", "names with units; none: those of the sensors"),
-        "limits": Parameter([1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one each"),
+        "limits": Parameter(
+            [1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one per actuator"
+        ),
         "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one per set-point"),
     }
 }

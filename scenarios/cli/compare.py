@@ -39,9 +39,10 @@ def compare(
     as_json: bool,
     **reading: Any,
 ) -> int:
-    """Fit several methods and orders to the data in FILEs and rank them by fit on validation data.
+    """Fit several methods and orders to FILEs and rank them.
 
-    Finished fits are kept in the folder: the same command goes on where it was interrupted.
+    They are ranked by their fit on validation data. Finished fits are kept in the folder: the same
+    command goes on where it was interrupted.
     """
     from identify.compare import entries
     from identify.settings import load_methods
@@ -71,12 +72,19 @@ def compare(
     else:
         old = [f"old: not asked for this time: {', '.join(report['old'])}"] if report["old"] else []
         print_lines([f"validation: {label}", *_table(found), *old])
+    for note in report["notes"]:
+        click.echo(f"note: {note}", err=True)
     for row in found.rows:
         for failure in row.failures:
             if failure.traceback:
                 reason = f"{failure.reason} (the traceback is in {target / 'comparison.json'})"
                 click.echo(f"warning: {row.title}: {reason}", err=True)
-    return 2 if found.failed else 0
+    if found.failed:
+        click.echo(
+            f"excite: {target}: no method gave a model; see the reasons in {target / 'comparison.json'}", err=True
+        )
+        return 2
+    return 0
 
 
 def _table(found: "Comparison") -> list[str]:

@@ -31,7 +31,10 @@ Finding = tuple[bool, str]  # whether it is as it should be, and what to say
 
 @click.command()
 def doctor() -> int:
-    """Check versions, clashing package names, plug-ins and plants; exit code 2 when something is wrong."""
+    """Check whether this installation is well.
+
+    Versions, clashing package names, plug-ins and plants; exit code 2 when something is wrong.
+    """
     findings = [finding for check in CHECKS for finding in _safely(check)]
     wrong = sum(not well for well, _ in findings)
     lines = [f"python {platform.python_version()} on {platform.platform()}", *(line for _, line in findings)]

@@ -14,7 +14,7 @@ from scenarios.scenario.spec import shipped
 @click.argument("name", required=False)
 @json_option
 def scenarios(name: str | None, as_json: bool) -> int:
-    """List the shipped scenarios, or print one as a starting point for your own."""
+    """List the shipped scenarios, or print one to start from."""
     known = shipped()
     if name is not None and name not in known:
         raise ExciteError(f"scenario '{name}' is not shipped; {did_you_mean(name, known)}")

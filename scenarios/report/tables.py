@@ -8,7 +8,7 @@ import numpy as np
 from excite.models.model import Dynamic
 from excite.models.modes import continuous_poles
 from excite.persistency.certificate import Certificate
-from excite.words import NONE, number
+from excite.words import NONE, joined, number
 from identify.compare import Comparison, Row
 from identify.estimate import Status
 from identify.metrics.metric import Metric, Need
@@ -72,6 +72,8 @@ def note(found: Comparison, row: Row) -> str:
         count, reason = len(row.trials), row.failures[0].reason
         return f"failed in {len(row.failures)} of {count} runs: {reason}" if count > 1 else reason
     notes = [f"not ranked by {row.reason}"] if row.reason is not None else []
+    if isinstance(row.order, str):
+        notes.append(f"order {joined(sorted({str(e.order) for e in row.estimates}))} chosen")
     if found.closed and not row.consistent_in_closed_loop:
         notes.append("biased in closed loop")
     unstable = sum(e.status is Status.UNSTABLE for e in row.estimates)

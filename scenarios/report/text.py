@@ -33,10 +33,10 @@ def summary_text(result: RunResult) -> list[str]:
 def failures(result: RunResult) -> list[str]:
     """Return one line for each row that failed otherwise than with an answer in words."""
     return [
-        f"{view.name}: {row.title}: {row.failures[0].reason} (the traceback is in scores.json)"
+        f"{view.name}: {row.title}: {crashes[0]} (the traceback is in scores.json)"
         for view in result.views
         for row in view.comparison.rows
-        if any(failure.traceback for failure in row.failures)
+        if (crashes := [failure.reason for failure in row.failures if failure.traceback])
     ]
 
 

@@ -13,6 +13,7 @@ from scenarios.report.columns import complex_text
 from scenarios.report.rows import diverging, first_estimate, sound, trusted
 from scenarios.run.results import RunResult
 
+MANY = 1000  # ratio of ranking values beyond which its digits say nothing
 FAR = 0.1  # pole error beyond which the verdict says which pole is meant
 
 
@@ -34,9 +35,10 @@ def verdict(found: Comparison) -> str:
         sentences.append(f"{first.title} ranks higher here, but is biased in closed loop.")
     rival = next((r for r in good if r.label != row.label), None)
     if rival is not None and np.isfinite(rival.rank_value) and row.rank_value > 0:
-        ratio = number(rival.rank_value / row.rank_value)
+        ratio = rival.rank_value / row.rank_value
+        times = number(ratio) if ratio < MANY else f"more than {MANY:g}"
         unclear = "; their quartiles overlap, so that this may be chance" if _overlap(row, rival, rank_by) else ""
-        sentences.append(f"Next comes {rival.title}, its ranking value {ratio} times as large{unclear}.")
+        sentences.append(f"Next comes {rival.title}, its ranking value {times} times as large{unclear}.")
     if found.truth is not None and row.statistics("pole_error_max")["median"] > FAR:
         sentences.append(_worst_pole(found, row))
     if count := diverging(row):

@@ -13,14 +13,20 @@ from excite.types.frozen import Frozen
 from excite.types.recording import Recording, Roles
 from excite.types.signal import Signal
 from excite.types.truth import Truth
-from identify.compare import Entry, Judge, Trial, run_trials, trial_key
+from identify.compare import Judge, Trial, run_trials, trial_key
 from identify.data.coherence import select_outputs
 from identify.data.records import Records
+from identify.entries import Entry, packages_of
 from plants.plant import Plant
 from plants.registry import PLANTS, load_plant
-from scenarios.run.store import Shelf, Store, file_safe
+from scenarios.run.store import Shelf, Slot, Store, file_safe
 
-FLYING, IDENTIFYING = ("excite", "plants"), ("excite", "identify")  # packages whose code makes a piece
+DESIGNING, FLYING, IDENTIFYING = ("excite",), ("excite", "plants"), ("excite", "identify")  # whose code makes a piece
+
+
+def code_of(ours: Sequence[str], others: Sequence[tuple[str, str]] = ()) -> str:
+    """Return the digest of our packages' code, and of name and version of the packages of others, that make a piece."""
+    return digest(code_digest(*ours), list(others)) if others else code_digest(*ours)
 
 
 @dataclass(frozen=True)
@@ -63,15 +69,21 @@ class Flight:
         signal = self.signal
         return digest(self.plant.key, signal.u, signal.dt, signal.channels, self.inject, self.noise, self.seed)
 
+    @property
+    def code(self) -> str:
+        """Digest of the code that makes the recording."""
+        package = PLANTS.distribution(self.plant.name)
+        return code_of(FLYING, [package] if package else [])
+
     def finished(self, store: Store) -> bool:
         """Whether the store holds this recording."""
-        return store.has(self.name, self.key, code_digest(*FLYING))
+        return store.has(self.name, self.key, self.code)
 
     def make(self, folder: str) -> None:
         """Fly, and keep the recording."""
         with placed(self.place):
             recording = self.plant.load().run(self.signal, inject=self.inject, noise=self.noise, seed=self.seed)
-        Store(Path(folder)).save_recording(self.name, self.key, code_digest(*FLYING), recording)
+        Store(Path(folder)).save_recording(self.name, self.key, self.code, recording)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +131,8 @@ class Identification:
     """All entries of one view on one estimation run, scored on all validation runs.
 
     run : number of the estimation run; estimation, first, validation, clean : names of recordings (of this run, of the
-    first one, of the validation runs and their noise-free twins); base : digest of data and judge.
+    first one, of the validation runs and their noise-free twins); base : digest of data and judge; slots : key of a
+    trial -> where it lies.
     """
 
     view: View
@@ -131,23 +144,23 @@ class Identification:
     clean: tuple[str, ...]
     entries: tuple[Entry, ...]
     base: str
-    names: Mapping[str, str] = field(default_factory=Frozen)
+    slots: Mapping[str, Slot] = field(default_factory=Frozen)
 
     def finished(self, store: Store) -> bool:
         """Whether the store holds all trials."""
-        return all(store.has(name, key, code_digest(*IDENTIFYING)) for key, name in self.names.items())
+        return all(store.has(slot.name, key, slot.code) for key, slot in self.slots.items())
 
     def trials(self, store: Store) -> tuple[Trial, ...]:
         """Return the finished trials, under the labels of the entries."""
         keyed = [(e, trial_key(self.base, e.method, order)) for e in self.entries for order in e.orders]
-        return tuple(store.trial(self.names[key]).under(entry.label) for entry, key in keyed)
+        return tuple(store.trial(self.slots[key].name).under(entry.label) for entry, key in keyed)
 
     def make(self, folder: str) -> None:
         """Fit and score what is not there yet; every trial is kept as soon as it is finished."""
         store = Store(Path(folder))
         view = self.view.chosen(store.recording(self.first))
         data = Records.of(view.experiment(store.recording(self.estimation)))
-        shelf = Shelf(store, self.names, code_digest(*IDENTIFYING))
+        shelf = Shelf(store, self.slots)
         run_trials(self.entries, data, self.judge(store, view), name=f"run {self.run}", store=shelf, base=self.base)
 
     def judge(self, store: Store, view: View) -> Judge:
@@ -161,34 +174,37 @@ class Identification:
         return Judge(validation, lifted, clean=clean, horizons=steps, band_hz=view.band_hz)
 
 
-def trial_names(
-    entries: Sequence[Entry], base: str, stems: Mapping[str, str], place: str, run: int | None = None
+def slots_of(
+    entries: Sequence[Entry], base: str, stems: Mapping[tuple, str], place: str, run: int | None = None
 ) -> Frozen:
-    """Return key -> name of the piece, for all trials on one set of records; run : its number, where there are several."""
+    """Return key -> where it lies, for all trials on one set of records; run : its number, where there are several."""
     end = ".json" if run is None else f"/run_{run:02d}.json"
     return Frozen(
         {
-            trial_key(base, entry.method, order): f"{place}/{stems[entry.label]}{order_suffix(order)}{end}"
+            trial_key(base, entry.method, order): Slot(
+                f"{place}/{stems[entry.label, order]}{end}",
+                code_of(IDENTIFYING, packages_of(entry.method, order)),
+                entry.label,
+            )
             for entry in entries
             for order in entry.orders
         }
     )
 
 
-def order_suffix(order: int | str | None) -> str:
-    """Return what names say of an order: -n4, -nbic, nothing where there is none."""
-    return "" if order is None else f"-n{order}"
+def stems_of(entries: Sequence[Entry], reserved: Sequence[str] = ()) -> dict[tuple[str, int | str | None], str]:
+    """Return a file-safe name for each label and order, distinct also where the file system ignores case.
 
-
-def stems_of(entries: Sequence[Entry]) -> dict[str, str]:
-    """Return a file-safe name for each label, distinct also where the file system ignores case."""
-    stems: dict[str, str] = {}
+    It ends with the order: -n4, -nbic, nothing where there is none. reserved : names that stand for something else.
+    """
+    stems: dict[tuple[str, int | str | None], str] = {}
+    taken = {name.casefold() for name in reserved}
     for entry in entries:
-        if entry.label in stems:
-            continue
-        base = name = file_safe(entry.label)
-        count = 2
-        while name.casefold() in [taken.casefold() for taken in stems.values()]:
-            name, count = f"{base}_{count}", count + 1
-        stems[entry.label] = name
+        for order in entry.orders:
+            base, end, count = file_safe(entry.label), "" if order is None else f"-n{file_safe(str(order))}", 2
+            name = base + end
+            while name.casefold() in taken:
+                name, count = f"{base}_{count}{end}", count + 1
+            taken.add(name.casefold())
+            stems[entry.label, order] = name
     return stems

@@ -3,16 +3,17 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from excite.digest import code_digest, digest
+from excite.digest import digest
+from excite.errors import placed
+from excite.generators.registry import GENERATORS
 from excite.types.frozen import Frozen
 from excite.types.signal import Signal
 from scenarios.run.design import Design, built_entries, make_design
-from scenarios.run.pieces import FLYING, Flight, Identification, PlantSpec, View, stems_of, trial_names
-from scenarios.run.store import Store
+from scenarios.run.pieces import DESIGNING, FLYING, Flight, Identification, PlantSpec, View, code_of, slots_of, stems_of
+from scenarios.run.store import Slot, Store
 from scenarios.scenario.spec import Scenario, ViewSpec, check_signal
 
 VALIDATION_OFFSET = 10_000  # between the noise seeds of estimation and validation runs
-DESIGNING = ("excite",)
 EXCITATION = "excitation.csv"
 
 
@@ -32,8 +33,12 @@ class Plan:
 
     def names(self) -> set[str]:
         """Names of all pieces."""
-        trials = {name for piece in self.identifications for name in piece.names.values()}
+        trials = {slot.name for slot in self.slots().values()}
         return {*self.signals, *(flight.name for flight in self.flights), *trials}
+
+    def slots(self) -> dict[str, Slot]:
+        """Return key -> where it lies, for all trials."""
+        return {key: slot for piece in self.identifications for key, slot in piece.slots.items()}
 
     def of_view(self, name: str) -> tuple[Identification, ...]:
         """Return the identifications of a view, run after run."""
@@ -68,8 +73,14 @@ def signal_key(scenario: Scenario, seed: int) -> str:
     return digest(scenario.excitation, [str(c) for c in scenario.plant.injections[scenario.inject].channels], seed)
 
 
+def signal_code(scenario: Scenario) -> str:
+    """Return the digest of the code that designs the signals."""
+    packages = {GENERATORS.distribution(part["kind"]) for part in scenario.excitation}
+    return code_of(DESIGNING, sorted(package for package in packages if package is not None))
+
+
 def _kept(scenario: Scenario, store: Store | None, name: str, seed: int) -> Signal | None:
-    if store is None or not store.has(name, signal_key(scenario, seed), code_digest(*DESIGNING)):
+    if store is None or not store.has(name, signal_key(scenario, seed), signal_code(scenario)):
         return None
     return store.signal(name)
 
@@ -114,7 +125,8 @@ def _view(scenario: Scenario, spec: ViewSpec, design: Design) -> View:
 def _identifications(
     scenario: Scenario, spec: ViewSpec, view: View, design: Design, plant: PlantSpec, flights: tuple[Flight, ...]
 ) -> Iterator[Identification]:
-    entries = built_entries(scenario, spec, design.horizons[spec.name])
+    with placed(f"{scenario.file}: method: view '{spec.name}'"):
+        entries = built_entries(scenario, spec, design.horizons[spec.name])
     keys = {flight.name: flight.key for flight in flights}
     validation, clean = (
         tuple(_recording(kind, k) for k in range(scenario.validation_runs)) for kind in ("validation", "clean")
@@ -123,6 +135,6 @@ def _identifications(
     first, stems = _recording("estimation", 0), stems_of(entries)
     for k in range(scenario.estimation_runs):
         estimation = _recording("estimation", k)
-        base = digest(view, plant.key, keys[estimation], keys[first], judged, code_digest(*FLYING))
-        names = trial_names(entries, base, stems, f"models/{spec.name}", k)
-        yield Identification(view, k, plant, estimation, first, validation, clean, entries, base, names)
+        base = digest(view, plant.key, keys[estimation], keys[first], judged, code_of(FLYING))
+        slots = slots_of(entries, base, stems, f"models/{spec.name}", k)
+        yield Identification(view, k, plant, estimation, first, validation, clean, entries, base, slots)

@@ -3,11 +3,9 @@
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from excite.digest import code_digest
 from identify.compare import compared
 from scenarios.run.executor import Executor, Local
-from scenarios.run.pieces import FLYING, IDENTIFYING
-from scenarios.run.plan import DESIGNING, EXCITATION, Plan, make_plan, signal_key
+from scenarios.run.plan import EXCITATION, Plan, make_plan, signal_code, signal_key
 from scenarios.run.results import RunResult, ViewResult, to_json
 from scenarios.run.store import Store, open_folder
 from scenarios.scenario.spec import Scenario
@@ -27,13 +25,12 @@ def run_scenario(
     with open_folder(folder, scenario.source) as store:
         certificates = {name: c.to_dict() for name, c in plan.design.certificates.items()}
         store.write_json("certificate.json", certificates)
-        notes = _notes(plan, store)
+        store.adopt(plan.slots())
+        notes, code = _notes(scenario, plan, store), signal_code(scenario)
         for name, signal in plan.signals.items():
             key = signal_key(scenario, _seed(scenario, name))
-            if not store.has(name, key, code_digest(*DESIGNING)):
-                store.save_signal(
-                    name, key, code_digest(*DESIGNING), signal, certificates if name == EXCITATION else None
-                )
+            if not store.has(name, key, code):
+                store.save_signal(name, key, code, signal, certificates if name == EXCITATION else None)
         _make(plan, store, executor, progress)
         result = _collect(scenario, plan, store, notes)
         store.write_json("scores.json", to_json(result))
@@ -58,17 +55,14 @@ def _make(plan: Plan, store: Store, executor: Executor, progress: Progress) -> N
                 progress(stage, done, total)
 
 
-def _notes(plan: Plan, store: Store) -> tuple[str, ...]:
+def _notes(scenario: Scenario, plan: Plan, store: Store) -> tuple[str, ...]:
     """Return what is made again because the code has changed since, in one line."""
-    trials = [name for piece in plan.identifications for name in piece.names.values()]
     made_by = {
-        **dict.fromkeys(plan.signals, code_digest(*DESIGNING)),
-        **dict.fromkeys([flight.name for flight in plan.flights], code_digest(*FLYING)),
-        **dict.fromkeys(trials, code_digest(*IDENTIFYING)),
+        **dict.fromkeys(plan.signals, signal_code(scenario)),
+        **{flight.name: flight.code for flight in plan.flights},
+        **{slot.name: slot.code for slot in plan.slots().values()},
     }
-    count = sum(store.outdated(name, code) for name, code in made_by.items())
-    pieces = f"{count} piece{'s were' if count > 1 else ' was'}"
-    return (f"{pieces} made by another version of the code, and made again",) if count else ()
+    return store.outdated(made_by)
 
 
 def _collect(scenario: Scenario, plan: Plan, store: Store, notes: Iterable[str]) -> RunResult:

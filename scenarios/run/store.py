@@ -7,6 +7,7 @@ import secrets
 import tomllib
 from collections.abc import Iterator, Mapping, MutableMapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +25,28 @@ from identify.compare import Trial
 from identify.trial_json import trial_from_dict, trial_to_dict
 
 RESOLVED, LOCK, INDEX = "scenario.toml", ".lock", "index"
-TEMPORARY = ".*.tmp*"  # what a killed run was writing
+TEMPORARY = re.compile(r"\..*\.[0-9a-f]{12}\.tmp(\.\w+)?")  # what a killed run was writing
+ROOMS = (INDEX, "recordings", "models", "trials", "figures")  # folders in which we write
 SIDECAR = ".json"
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)  # what Windows takes for devices
 # Parts of a scenario that may change between two runs in one folder: they ask for other pieces of the same data.
 MAY_CHANGE = ("method", "score", "expect", "description")
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Where a trial lies: name of the piece, the code that makes it, the label that it stands under."""
+
+    name: str
+    code: str
+    label: str
 
 
 class Store:
     """Finished pieces of a folder: the only place that knows paths.
 
     A piece is used again only if it is what this run would make: its entry in the index has the same key (a digest of
-    all that it is made from) and the same code, and its bytes are those that were written. `remade` counts the pieces of
-    which the code has changed since.
+    all that it is made from) and the same code, and its bytes are those that were written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -48,16 +59,44 @@ class Store:
     def has(self, name: str, key: str, code: str) -> bool:
         """Whether a finished piece of this key is there; raises ExciteError where its file is not what was written."""
         entry = self._entry(name)
-        if entry is None or not self.path(name).exists() or (entry["key"], entry["code"]) != (key, code):
+        if entry is None or (entry["key"], entry["code"]) != (key, code):
             return False
-        if file_digest(self.path(name)) != entry["sha256"]:
-            raise _damaged(self.path(name), "it is not what was written")
+        with intact(self.path(name)):
+            if file_digest(self.path(name)) != entry["sha256"]:
+                raise ExciteError("it is not what was written")
         return True
 
-    def outdated(self, name: str, code: str) -> bool:
-        """Whether a piece is there that other code made."""
-        entry = self._entry(name)
-        return entry is not None and self.path(name).exists() and entry["code"] != code
+    def adopt(self, slots: Mapping[str, Slot]) -> None:
+        """Bring trials that lie under the name of an earlier label to the names they have now: key -> slot."""
+        found = {name: entry for name in self.names() if (entry := self._entry(name)) is not None}
+        places = {(entry["key"], entry["code"]): name for name, entry in found.items()}
+        moves = {}
+        for key, slot in slots.items():
+            source, there = places.get((key, slot.code)), found.get(slot.name, {})
+            if source is None or (there.get("key"), there.get("code")) == (key, slot.code):
+                continue
+            if file_digest(self.path(source)) == found[source]["sha256"]:
+                moves[key] = source, json.loads(self.path(source).read_text(encoding="utf-8"))
+        for key, (_, trial) in moves.items():
+            self._keep(slots[key].name, key, slots[key].code, _json({**trial, "label": slots[key].label}))
+        for source in {source for source, _ in moves.values()} - {slot.name for slot in slots.values()}:
+            self.remove(source)
+
+    def remove(self, name: str) -> None:
+        """Take a piece out of the folder, and the folders that it leaves empty."""
+        self._forget(name)
+        for path in (self.path(name), self.folder / INDEX / name):
+            with suppress(OSError):
+                path.unlink()
+            with suppress(OSError):  # one that is not empty
+                path.parent.rmdir()
+
+    def outdated(self, made_by: Mapping[str, str]) -> tuple[str, ...]:
+        """Return which pieces other code made than that which makes them now (name -> code), in one line if any."""
+        entries = ((self._entry(name), code) for name, code in made_by.items())
+        count = sum(entry is not None and entry["code"] != code for entry, code in entries)
+        pieces = f"{count} piece{'s were' if count > 1 else ' was'}"
+        return (f"{pieces} made by another version of the code or of a plug-in, and made again",) if count else ()
 
     def names(self) -> set[str]:
         """Names of all pieces in the index that are there."""
@@ -83,6 +122,7 @@ class Store:
     def save_signal(self, name: str, key: str, code: str, signal: Signal, certificate: Mapping | None) -> None:
         """Keep a signal, as CSV with its sidecar."""
         make_folder(self.path(name).parent)
+        self._forget(name)
         save_signal(signal, self.path(name), certificate=certificate)
         self._enter(name, key, code, file_digest(self.path(name)))
 
@@ -93,18 +133,22 @@ class Store:
         temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}")
         try:
             save_recording(recording, temporary)
-            self._enter(name, key, code, file_digest(temporary))
+            sha256 = file_digest(temporary)
+            self._forget(name)
             os.replace(temporary, path)
+            self._enter(name, key, code, sha256)
         finally:
             with suppress(OSError):
                 temporary.unlink()
 
     def save_trial(self, name: str, key: str, code: str, trial: Trial) -> None:
         """Keep a trial."""
-        make_folder(self.path(name).parent)
-        with written(self.path(name)) as temporary:
-            temporary.write_text(_json(trial_to_dict(trial)), encoding="utf-8")
-            self._enter(name, key, code, file_digest(temporary))
+        self._keep(name, key, code, _json(trial_to_dict(trial)))
+
+    def _keep(self, name: str, key: str, code: str, text: str) -> None:
+        self._forget(name)
+        write_text(self.path(name), text)
+        self._enter(name, key, code, file_digest(self.path(name)))
 
     def write_json(self, name: str, value: Any) -> None:
         """Write a result as strict JSON."""
@@ -113,35 +157,41 @@ class Store:
     def _entry(self, name: str) -> dict[str, str] | None:
         try:
             entry = json.loads((self.folder / INDEX / f"{name}{SIDECAR}").read_text(encoding="utf-8"))
-            return entry if {"key", "code", "sha256"} <= entry.keys() else None
-        except (OSError, ValueError, AttributeError):
+            whole = all(isinstance(entry[key], str) for key in ("key", "code", "sha256"))
+            return entry if whole and self.path(name).exists() else None
+        except (OSError, ValueError, KeyError, TypeError):
             return None
 
+    def _forget(self, name: str) -> None:
+        """Take a piece out of the index before its file is written again."""
+        with suppress(FileNotFoundError):
+            (self.folder / INDEX / f"{name}{SIDECAR}").unlink()
+
     def _enter(self, name: str, key: str, code: str, sha256: str) -> None:
-        """Enter a piece before it takes its place: a run that is killed between the two makes it again."""
+        """Enter a piece that is in its place: a run that is killed between the two makes it again."""
         write_json(self.folder / INDEX / f"{name}{SIDECAR}", {"key": key, "code": code, "sha256": sha256})
 
 
 class Shelf(MutableMapping[str, Trial]):
-    """Trials of a store by their keys, for `identify.compare.run_trials`; names : key -> name of the piece."""
+    """Trials of a store by their keys, for `identify.compare.run_trials`."""
 
-    def __init__(self, store: Store, names: Mapping[str, str], code: str) -> None:
-        self.store, self.names_of, self.code = store, dict(names), code
+    def __init__(self, store: Store, slots: Mapping[str, Slot]) -> None:
+        self.store, self.slots = store, slots
 
     def __getitem__(self, key: str) -> Trial:
-        name = self.names_of[key]
-        if not self.store.has(name, key, self.code):
+        slot = self.slots[key]
+        if not self.store.has(slot.name, key, slot.code):
             raise KeyError(key)
-        return self.store.trial(name)
+        return self.store.trial(slot.name)
 
     def __setitem__(self, key: str, trial: Trial) -> None:
-        self.store.save_trial(self.names_of[key], key, self.code, trial)
+        self.store.save_trial(self.slots[key].name, key, self.slots[key].code, trial)
 
     def __delitem__(self, key: str) -> None:
         raise KeyError(f"{key}: trials are kept")
 
     def __iter__(self) -> Iterator[str]:
-        return (key for key, name in self.names_of.items() if self.store.has(name, key, self.code))
+        return (key for key, slot in self.slots.items() if self.store.has(slot.name, key, slot.code))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -149,7 +199,8 @@ class Shelf(MutableMapping[str, Trial]):
 
 def file_safe(label: str) -> str:
     """Return a label in letters that every file system takes."""
-    return re.sub(r"[^A-Za-z0-9_.=-]+", "_", label).strip("._")[:80] or "method"
+    name = re.sub(r"[^A-Za-z0-9_.=-]+", "_", label).strip("._")[:80].strip("._") or "method"
+    return f"{name}_" if RESERVED.fullmatch(name) else name
 
 
 @contextmanager
@@ -160,26 +211,46 @@ def open_folder(folder: Path, source: Mapping[str, Any]) -> Iterator[Store]:
     scores, expectations and the number of estimation runs may change: pieces that stay the same serve again.
     """
     make_folder(folder)
-    marker = folder / RESOLVED
-    if not marker.exists() and any(not _ours(path) for path in folder.iterdir()):
-        raise ExciteError(f"{folder}: holds other files and no run; choose an empty or new folder with -o")
+    _check_run(folder, source)  # before anything in the folder is touched
     with hold(folder):
-        before = marker.read_text(encoding="utf-8", errors="replace") if marker.exists() else None
-        if before is not None and not (folder / INDEX).is_dir():
-            raise ExciteError(
-                f"{folder}: holds a run of an earlier version, whose pieces nothing vouches for; choose another folder with "
-                "-o, or remove this one"
-            )
-        if before is not None and not _same_data(before, source):
-            raise ExciteError(
-                f"{folder}: holds a run of another scenario (its {RESOLVED} differs); choose another folder with -o, or "
-                "remove this one"
-            )
+        before, text = _check_run(folder, source), tomli_w.dumps(dict(source))
         make_folder(folder / INDEX)
-        text = tomli_w.dumps(dict(source))
         if before != text:
-            write_text(marker, text)
+            write_text(folder / RESOLVED, text)
         yield Store(folder)
+
+
+def _check_run(folder: Path, source: Mapping[str, Any]) -> str | None:
+    """Return the resolved scenario that a folder holds, or None; refuse a folder that this one cannot go on in."""
+    marker = folder / RESOLVED
+    if not marker.exists():
+        if any(not _ours(path) for path in folder.iterdir()):
+            raise ExciteError(f"{folder}: holds other files and no run; choose an empty or new folder with -o")
+        return None
+    if not (folder / INDEX).is_dir():
+        raise ExciteError(
+            f"{folder}: holds a run of an earlier version, whose pieces nothing vouches for; choose another folder with -o, "
+            "or remove this one"
+        )
+    with intact(marker):
+        before = marker.read_text(encoding="utf-8", errors="replace")
+    if not _same_data(before, source):
+        raise ExciteError(
+            f"{folder}: holds a run of another scenario (its {RESOLVED} differs); choose another folder with -o, or remove "
+            "this one"
+        )
+    return before
+
+
+def check_comparison(folder: Path, result: str) -> None:
+    """Refuse a folder that holds a run, or a comparison (its file `result`) of before there was an index."""
+    if (folder / RESOLVED).exists():
+        raise ExciteError(f"{folder}: holds a run of a scenario; choose another folder for the comparison with -o")
+    if (folder / result).exists() and not (folder / INDEX).is_dir():
+        raise ExciteError(
+            f"{folder}: holds a comparison of an earlier version, whose models nothing vouches for; choose another folder "
+            "with -o, or remove this one"
+        )
 
 
 @contextmanager
@@ -195,15 +266,22 @@ def hold(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise ExciteError(f"{folder}: cannot be written ({error.strerror}); choose another folder with -o") from None
     try:
-        for leftover in folder.rglob(TEMPORARY):
-            leftover.unlink()
+        _sweep(folder)
         yield
     finally:
         lock.release()
 
 
+def _sweep(folder: Path) -> None:
+    """Remove what a killed run was writing, from where we write and nowhere else."""
+    for path in (*folder.iterdir(), *(path for room in ROOMS for path in (folder / room).rglob("*"))):
+        if TEMPORARY.fullmatch(path.name):
+            with suppress(OSError):
+                path.unlink()
+
+
 def _ours(path: Path) -> bool:
-    return path.name in (LOCK, INDEX) or path.match(TEMPORARY)
+    return path.name in (LOCK, INDEX) or TEMPORARY.fullmatch(path.name) is not None
 
 
 def _same_data(resolved: str, source: Mapping[str, Any]) -> bool:

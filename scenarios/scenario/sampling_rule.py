@@ -44,7 +44,7 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
     moving = s[s * dt > INTEGRATOR] if (s * dt > INTEGRATOR).any() else np.array([1 / dt])
     slow, fast = moving.min(), moving.max()
     notes = [
-        f"slowest pole {slow:.2f} rad/s, fastest {fast:.1f} rad/s"
+        f"slowest pole {slow:.3g} rad/s, fastest {fast:.3g} rad/s"
         + (", integrators aside" if len(moving) < len(s) else "")
     ]
     if isinstance(decimate, int):
@@ -58,7 +58,7 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
         every = max(q for q in range(1, hold + 1) if hold % q == 0 and q <= max(most, 1))
         notes.append(
             f"decimation {every}: the largest divisor of the input's hold ({hold} samples) with {SAMPLES_PER_CYCLE} or "
-            f"more samples a cycle of the fastest pole; dt {_ms(every * dt)}"
+            f"more samples per cycle of the fastest pole; dt {_ms(every * dt)}"
         )
     lifted = truth.model.lift(every)
     rows = HORIZON / (slow * lifted.dt)

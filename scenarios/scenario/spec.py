@@ -25,7 +25,8 @@ from scenarios.scenario.toml_table import NUMBER, TomlTable, at_least, is_a
 LIBRARY = Path(__file__).parents[1] / "library"
 COMPARISONS = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
 BOUND = re.compile(r"\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
-FIXED = ("channels", "seed")  # arguments of a generator that the pipeline decides itself
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
+FIXED = ("channels", "seed")  # arguments of a generator that a run decides itself
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,8 @@ def load_scenario(name_or_path: str, runs: int | None = None) -> Scenario:
 
 
 def _file_name(value: str) -> str | None:
+    if RESERVED.fullmatch(value):
+        return "Windows takes this name for a device: choose another, since it names files"
     return None if re.fullmatch(r"\w[\w-]{0,59}", value) else "use at most 60 letters, digits, _ and -: it names files"
 
 
@@ -353,6 +356,8 @@ def _order(value: int | str) -> str | None:
 
 
 def _label(value: str) -> str | None:
+    if value == "best":
+        return "it stands for the best method in [expect]; choose another"
     fits = value == value.strip() and 0 < len(value) <= 60 and "." not in value and value.isprintable()
     return None if fits else "use at most 60 characters, without dots and outer spaces"
 

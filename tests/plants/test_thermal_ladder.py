@@ -22,7 +22,7 @@ def step(power=5.0, samples=1000, dt=20e-6):
 
 
 def rise(time_s, power=5.0):
-    """(8.1) of seed 001 for the default preset."""
+    """(8.1) of Miller (2012) for the default preset."""
     return power * (-np.expm1(-time_s[:, None] / TAU) @ R)
 
 
