@@ -56,7 +56,8 @@ def closed_loop(samples: int, seed: int) -> tuple[Experiment, StateSpaceModel]:
         u[k - 1] = -0.5 * y[k - 1] + r[k]
         z[k] = 1.5 * z[k - 1] - 0.7 * z[k - 2] + u[k - 1] + 0.5 * u[k - 2]
         y[k] = z[k] + 0.8 * v[k]
-    truth = StateSpaceModel([[1.5, -0.7], [1, 0]], [[1], [0]], [[1, 0.5]], [[0]], 1.0)
+    A, B, C, D = (np.array(each) for each in ([[1.5, -0.7], [1, 0]], [[1], [0]], [[1, 0.5]], [[0]]))
+    truth = StateSpaceModel(A, B, C, D, 1.0)
     reference = np.append(r[1:], 0.0)  # r(k) moves u(k - 1)
     return Experiment(u, y, dt=1.0, reference=reference, loop=Loop("closed")), truth
 
@@ -98,7 +99,7 @@ def _outputs(noise: float, length: int) -> Example:
     K, cov = kalman_gain(A, C, np.eye(4), noise**2 * np.eye(2), np.zeros((4, 2)))
     truth = StateSpaceModel(A, np.empty((4, 0)), C, np.empty((2, 0)), DT, K=K, innovation_cov=cov)
     e = rng.standard_normal((1500 * length, 2)) @ la.cholesky(cov)
-    return (Experiment(None, simulate(A, K, C, np.eye(2), e), dt=DT),), truth
+    return (Experiment(np.empty((len(e), 0)), simulate(A, K, C, np.eye(2), e), dt=DT),), truth
 
 
 def _frequencies(noise: float, length: int) -> Example:

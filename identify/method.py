@@ -60,7 +60,7 @@ class Method(ABC, Generic[Taken, Order]):
     consistent_in_closed_loop: ClassVar[bool] = False
     order_is: ClassVar[str | None] = "states"
     asymptotic: ClassVar[bool] = False
-    input_delay: ClassVar[int] = 0
+    input_delay = 0  # without an annotation: a setting of some methods alone
     response: ClassVar["Method | None"] = None
     conformance_exceptions: ClassVar[Mapping[str, str]] = Frozen()
 
@@ -195,7 +195,8 @@ def _remedy(value: Any, wanted: Any, metadata: Mapping[str, Any]) -> str | None:
         return did_you_mean(str(value), choices) if choices else "give text"
     kind = get_origin(wanted) or wanted
     if isinstance(kind, type) and not isinstance(value, kind):
-        return {tuple: "give a list", Method: "give the name of a method"}.get(kind, f"give a {kind.__name__}")
+        words: dict[type, str] = {tuple: "give a list", Method: "give the name of a method"}
+        return words.get(kind, f"give a {kind.__name__}")
     return None
 
 

@@ -26,7 +26,7 @@ from plants.registry import PLANTS
 from scenarios.cli.design import Generators
 from scenarios.cli.main import COMMANDS, cli, status
 from scenarios.report.page import write_report
-from scenarios.scenario.spec import shipped
+from scenarios.scenario.reading import shipped
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ROOMS = ("excite", "plants", "identify", "scenarios")

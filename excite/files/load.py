@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from excite.errors import ExciteError
 from excite.files.atomic import readable
 from excite.files.formats import by_extension
@@ -81,7 +83,8 @@ def load_experiment(
         with damaged(table.place):
             found = recording.experiment(view)
         said = _agreed(path, "loop", found.loop, given_loop), _agreed(path, "level", found.level, given_level)
-        return found if said == (found.loop, found.level) else replace(found, loop=said[0], level=said[1])
+        loop, level = said[0] or found.loop, said[1] or found.level
+        return found if (loop, level) == (found.loop, found.level) else replace(found, loop=loop, level=level)
     if view is not None:
         raise ExciteError(f"{path}: view '{view}' needs a recording, without roles or dt given; drop it")
     u, y, r = choose(table, "u", inputs), choose(table, "y", outputs), choose(table, "r", reference)
@@ -119,8 +122,9 @@ def load_signal(
     require(table, u)
     time_s, dt = sampling(table, dt, time, u)
     if dt is None:
-        span = f"{time_s[0]:g} to {time_s[-1]:g} s"
-        raise ExciteError(f"{path}: its {len(time_s)} times from {span} are not uniform; resample it, or give dt")
+        times = np.asarray(time_s)
+        span = f"{times[0]:g} to {times[-1]:g} s"
+        raise ExciteError(f"{path}: its {len(times)} times from {span} are not uniform; resample it, or give dt")
     with damaged(table.place):
         recipe = table.meta.get("recipe") if inputs is None else None
         recipe = None if recipe is None else Recipe.from_dict(recipe)

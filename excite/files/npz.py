@@ -20,7 +20,7 @@ def write(table: Table, path: Path) -> None:
     arrays = {variable: table.group(role) for role, variable in GROUPS.items()}
     arrays = {variable: values for variable, values in arrays.items() if values.size}
     if table.meta.get("dt") is not None:
-        arrays["dt"] = np.float64(table.meta["dt"])
+        arrays["dt"] = np.array(table.meta["dt"], np.float64)
     with written(path) as temporary, open(temporary, "wb") as stream:
         np.savez(
             stream,

@@ -159,7 +159,7 @@ def _by_rule(
     """Return the phases (channels, F) of a rule, or those given."""
     if not isinstance(phases, str):
         return _explicit_phases(phases, plays)
-    rule = RULES.get(check.choice("phases", phases, PHASES))
+    rule = RULES[check.choice("phases", phases, PHASES)]
     table = np.zeros(plays.shape)
     for c, mine in enumerate(plays):
         table[c, mine] = rule(tones.lines[mine], tones.shape[mine], streams[c])

@@ -1,6 +1,7 @@
 """Multisines: sums of sines on chosen lines, with a small crest factor and several orthogonal inputs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def multisine(
     sections 2.7 and 5.2 (orthogonal multisines); Morelli, J. Aircraft 49, 2012 (interleaved lines, relative peak factor).
     """
     frame = _frame(dt, period_s, periods, channels, amplitude, orthogonal, zero_start, model, seed)
-    wanted = {"band_hz": band_hz, "spacing": spacing, "count": count, "lines": lines}
+    wanted: dict[str, Any] = {"band_hz": band_hz, "spacing": spacing, "count": count, "lines": lines}
     tones = chosen_tones(frame.dt, frame.size, len(frame.channels), orthogonal, frame.streams[0], spectrum, **wanted)
     effort = {"crest_target": crest_target, **_effort(crest_target, starts, time_limit_s)}
     if decided is None:

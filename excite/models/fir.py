@@ -85,9 +85,8 @@ class FirModel(Parametric):
         """Return the shift register of past inputs, (count - 1) nu states, exact."""
         (_, ny, nu), n = self.h.shape, self.order
         C = self.h[1:].transpose(1, 0, 2).reshape(ny, n)
-        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
-        names = {"inputs": self.inputs, "outputs": self.outputs}
-        return StateSpaceModel(np.eye(n, k=-nu), np.eye(n, nu), C, self.h[0], self.dt, **names, **offsets)
+        A, B, offsets = np.eye(n, k=-nu), np.eye(n, nu), (self.input_offset, self.output_offset)
+        return StateSpaceModel(A, B, C, self.h[0], self.dt, None, None, self.inputs, self.outputs, *offsets)
 
     def theta(self) -> np.ndarray:
         """Return the taps h (p,), lag by lag, each row by row."""

@@ -112,9 +112,8 @@ class FosterModel(Parametric):
         A = np.diag(np.repeat(np.exp(-dt / self.tau), nu))
         B = np.kron(-np.expm1(-dt / self.tau)[:, None], np.eye(nu))
         C = self.R.transpose(1, 0, 2).reshape(ny, self.order)
-        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
-        names = {"inputs": self.inputs, "outputs": self.outputs}
-        return StateSpaceModel(A, B, C, np.zeros((ny, nu)), dt, **names, **offsets)
+        offsets = self.input_offset, self.output_offset
+        return StateSpaceModel(A, B, C, np.zeros((ny, nu)), dt, None, None, self.inputs, self.outputs, *offsets)
 
     def theta(self) -> np.ndarray:
         """Return R, row by row, and the natural logarithms of tau: any theta is a model, and scales do not matter."""

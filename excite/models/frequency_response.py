@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from excite.errors import ExciteError
 from excite.models.arrays import finite, read_only
@@ -113,7 +114,7 @@ class FrequencyResponse(Model):
         return replace(self, f_hz=self.f_hz[keep], values=self.values[keep], **more)
 
 
-def _covariance(value: object, shape: tuple[int, int, int]) -> np.ndarray | None:
+def _covariance(value: ArrayLike | None, shape: tuple[int, int, int]) -> np.ndarray | None:
     """Return a covariance (F, m, m), from one or from variances (F, ny, nu)."""
     if value is None:
         return None

@@ -132,6 +132,11 @@ def check_horizons(horizons: Sequence[int]) -> None:
 class Parametric(Dynamic):
     """A model with a vector of parameters, of which it is a smooth function."""
 
+    @property
+    @abstractmethod
+    def order(self) -> int:
+        """Number of states of `to_state_space`, entries of x0."""
+
     @abstractmethod
     def theta(self) -> np.ndarray:
         """Parameters (p,)."""

@@ -145,8 +145,10 @@ class PolynomialModel(Predictor, Parametric):
         """Noise-free response (N, ny) to u (N, nu) from the state x0."""
         x = self._state(x0)
         w = self._right_side(u - self.input_offset, x)
-        for branch in self.noise_filters if x is not None else ():
-            w[:, branch.row] += rational(branch.numerator, branch.denominator, np.zeros(len(w)), x[branch.states])[0]
+        if x is not None:
+            still = np.zeros(len(w))
+            for branch in self.noise_filters:
+                w[:, branch.row] += rational(branch.numerator, branch.denominator, still, x[branch.states])[0]
         return divide(self.a, w) + self.output_offset
 
     def innovations(self, record: Record, x0: np.ndarray | None = None) -> np.ndarray:
@@ -154,7 +156,7 @@ class PolynomialModel(Predictor, Parametric):
         x = self._state(x0)
         e = fir(self.a, record.y - self.output_offset) - self._right_side(record.u - self.input_offset, x)
         filters = {branch.row: branch for branch in self.noise_filters}
-        for i in np.flatnonzero(not_one(self.c) | not_one(self.d)):
+        for i in np.flatnonzero(not_one(self.c) | not_one(self.d)).tolist():
             if i in filters:
                 state = None if x is None else -x[filters[i].states]
                 e[:, i] = rational(filters[i].denominator, filters[i].numerator, e[:, i], state)[0]
@@ -264,9 +266,8 @@ class PolynomialModel(Predictor, Parametric):
         A[:held] -= a @ C  # y of the right side, in the states and inputs that make it up
         B[:held] -= a @ self.b[0]
         K[:held] -= a
-        more = {"innovation_cov": self.innovation_cov, "inputs": self.inputs, "outputs": self.outputs}
-        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
-        return StateSpaceModel(A, B, C, self.b[0], self.dt, K=K, **more, **offsets)
+        noise, offsets = (K, self.innovation_cov), (self.input_offset, self.output_offset)
+        return StateSpaceModel(A, B, C, self.b[0], self.dt, *noise, self.inputs, self.outputs, *offsets)
 
     # ------------------------------------------------------------------------------------------------ parameters
     def coefficients(self) -> np.ndarray:

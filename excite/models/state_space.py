@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import scipy.linalg as la
@@ -153,7 +153,8 @@ class StateSpaceModel(Predictor, Parametric):
         ends = np.cumsum([getattr(self, key).size for key in keys])
         theta = finite(theta, (int(ends[-1]),), "StateSpaceModel.at: theta")
         blocks = np.split(theta, ends[:-1])
-        return replace(self, **{k: v.reshape(getattr(self, k).shape) for k, v in zip(keys, blocks, strict=True)})
+        held: dict[str, Any] = {k: v.reshape(getattr(self, k).shape) for k, v in zip(keys, blocks, strict=True)}
+        return replace(self, **held)
 
     def to_state_space(self) -> "StateSpaceModel":
         """Return this model."""

@@ -87,7 +87,9 @@ def foster_to_cauer(resistance: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray
 
 def _ladder(weight: list[float], slower: list[float], slowest: float) -> np.ndarray:
     """Return [resistance, capacitance] (2, n) for the residues of the modes, fastest first, and how rates 1 / tau fall."""
-    q, e, mass = [0.0], [], weight[0]
+    q: list[float] = [0.0]
+    e: list[float] = []
+    mass = weight[0]
     for shift, w in zip(slower, weight[1:], strict=True):
         q, e = _shifted(q, e, shift)
         q, e = _with_mode_at_zero(q, e, mass / (mass + w), w / (mass + w))

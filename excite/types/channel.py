@@ -30,6 +30,7 @@ class Channel:
     def parse(cls, text: str) -> "Channel":
         """Read ``name [unit]`` or ``name``."""
         match = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\])?\s*", text, re.DOTALL)
+        assert match is not None  # its first group takes any text
         return cls(match[1], match[2] or "")
 
 
@@ -52,8 +53,8 @@ def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: st
 
 def listed(names: Sequence[object]) -> str:
     """Return names on one line: all of up to eight, else the first six and the last with their number."""
-    names = [str(name) for name in names]
-    return ", ".join(names) if len(names) <= 8 else f"{', '.join(names[:6])}, … {names[-1]} ({len(names)})"
+    said = [str(name) for name in names]
+    return ", ".join(said) if len(said) <= 8 else f"{', '.join(said[:6])}, … {said[-1]} ({len(said)})"
 
 
 def samples(values: object, place: str, missing: bool = False) -> np.ndarray:

@@ -77,6 +77,19 @@ class Experiment(ReadOnlyArrays):
         missing = np.isnan(self.u).any(1) | np.isnan(self.y).any(1)
         return missing if missing.any() else None
 
+    @property
+    def uniform_dt(self) -> float:
+        """The sampling time, s; raises ExciteError where the samples were taken at uneven instants."""
+        if self.dt is None:
+            raise ExciteError(
+                f"{self.name}: sampling is not uniform, and one sampling time is needed; resample the record"
+            )
+        return self.dt
+
+    def without_inputs(self) -> "Experiment":
+        """Return the outputs alone."""
+        return replace(self, u=np.empty((len(self), 0)), inputs=None, references=self.references or None)
+
     def window(self, start: int, stop: int | None = None) -> "Experiment":
         """Return samples start:stop as an experiment of its own."""
         r = None if self.reference is None else self.reference[start:stop]

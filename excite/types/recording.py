@@ -78,13 +78,14 @@ class Recording(ReadOnlyArrays):
 
     def experiment(self, view: str | Roles | None = None) -> Experiment:
         """Return the view of this recording that a view's roles choose."""
-        label = view if isinstance(view, str) else (self.default if view is None else "roles")
+        label = "roles"
         if not isinstance(view, Roles):
-            if label is None:
+            view = self.default if view is None else view
+            if view is None:
                 raise ExciteError(f"Recording.experiment: name a view; known: {', '.join(self.views) or 'none'}")
-            if label not in self.views:
-                raise ExciteError(f"view '{label}' is not recorded; {did_you_mean(label, self.views)}")
-            view = self.views[label]
+            if view not in self.views:
+                raise ExciteError(f"view '{view}' is not recorded; {did_you_mean(view, self.views)}")
+            label, view = view, self.views[view]
         by_name = {c.name: c for c in self.channels}
         take = slice(None, None, view.every)
         u, y = (self.columns(names, label)[take] for names in (view.inputs, view.outputs))

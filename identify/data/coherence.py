@@ -69,7 +69,7 @@ def select_outputs(
     found = output_coherence(experiment, band_hz, instrument)
     kept = {name: value for name, value in found.items() if value >= threshold}
     if not kept:
-        best = max(found, key=found.get)
+        best = max(found, key=lambda name: found[name])
         raise ExciteError(
             f"no output reaches a mean coherence of {threshold:.3g} from {band_hz[0]:g} to {band_hz[1]:g} Hz; the best is "
             f"'{best}' with {found[best]:.3g}: excite more, choose a band that is excited, or lower the threshold"
@@ -98,6 +98,7 @@ def _instrument(experiment: Experiment, instrument: str | None) -> np.ndarray:
     choices = {"reference": experiment.reference, "inputs": experiment.u if experiment.inputs else None}
     if instrument not in choices:
         raise ExciteError(f"instrument: {instrument!r}; {did_you_mean(instrument, choices)}")
-    if choices[instrument] is None:
+    values = choices[instrument]
+    if values is None:
         raise ExciteError(f"instrument: the experiment has no {instrument}; name its channels")
-    return choices[instrument]
+    return values

@@ -58,7 +58,7 @@ class Records:
                     raise ExciteError(
                         f"experiment {k}: its {what} differ from those of experiment 0; pass like with like"
                     )
-            if (first.dt is None) != (other.dt is None) or (first.dt and abs(other.dt / first.dt - 1) > SAME_DT):
+            if _differ(first.dt, other.dt):
                 raise ExciteError(
                     f"experiment {k}: dt {other.dt} s differs from {first.dt} s of experiment 0; resample one"
                 )
@@ -129,10 +129,17 @@ class Records:
 Data = Records | FrequencyResponse
 
 
+def _differ(dt: float | None, other: float | None) -> bool:
+    """Whether two sampling times are not the same; None is that of uneven instants."""
+    if dt is None or other is None:
+        return dt is not other
+    return abs(other / dt - 1) > SAME_DT
+
+
 def _about(record: Experiment, place: str) -> Experiment:
     """Return a record about its known level."""
     level = record.level
-    if level.state == "zero":
+    if level.u0 is None or level.y0 is None:
         return record
     for key, values, channels in (("u0", level.u0, record.inputs), ("y0", level.y0, record.outputs)):
         if len(values) != len(channels):

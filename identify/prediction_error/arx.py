@@ -63,7 +63,12 @@ class Arx(Method[Records, int]):
         a = np.concatenate([np.eye(ny)[None], -on_y.reshape(ny, order, ny).transpose(1, 0, 2)[::-1]])
         b = np.concatenate([np.zeros((self.delay, ny, nu)), on_u.reshape(ny, order, nu).transpose(1, 0, 2)[::-1]])
         model = PolynomialModel(
-            a, b, first.dt, innovation_cov=residual @ residual.T / H.columns, inputs=first.inputs, outputs=first.outputs
+            a,
+            b,
+            first.uniform_dt,
+            innovation_cov=residual @ residual.T / H.columns,
+            inputs=first.inputs,
+            outputs=first.outputs,
         )
         x0 = tuple(initial_state(model, e, predictor=True) for e in parts)
         return Estimate(model, self.name, order, x0=x0, condition=H.condition, route=H.path)

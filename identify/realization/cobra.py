@@ -14,6 +14,7 @@ from identify.realization.shifted_data import (
     check_input_rows,
     covariance_input_matrices,
     covariances,
+    instruments_of,
     reference_missing,
     scatter,
     shifted_data,
@@ -126,7 +127,7 @@ class Cobra(StateSpaceMethod[Records]):
         parts = data.parts(self.span(1))
         joint_segments(parts)  # refuses constant channels
         reference, (first, last) = self._uses_reference(data), self.lags()
-        instruments = tuple(e.reference if reference else e.u for e in parts)
+        instruments = instruments_of(parts, reference)
         R_u, R_y = covariances(parts, instruments, first, last, self.segments)
         check_input_rows(hankel_of(R_u, self.block_rows + 1), parts, self.block_rows + 1)
         return CovarianceFunctions(parts, instruments, R_u, R_y, shifted_covariances(R_u, R_y, self.block_rows))

@@ -55,4 +55,5 @@ class Era(ResponseMethod):
 
     def shift(self, factor: ResponseFactor, order: int) -> Shift:
         """A from H(1)."""
+        assert factor.shifted is not None  # `compress` keeps it
         return Shift.of_pair(factor.svd, factor.shifted, order)

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.numerics.correlation import Joint
 from excite.numerics.hankel import HankelFactor, hankel_factor
 from excite.types.experiment import Experiment
 from identify.data.records import Records
@@ -15,6 +16,7 @@ from identify.realization.shifted_data import (
     check_input_rows,
     covariance_input_matrices,
     covariances,
+    instruments_of,
     reference_missing,
     scatter,
     shifted_data,
@@ -120,10 +122,9 @@ class IoRealization(StateSpaceMethod[Records]):
         which, rows = self._instrument(data), self.block_rows + 1
         past = 0 if which == "none" else self.past
         nu, ny = len(data.inputs), len(data.outputs)
-        segments, instruments = joint_segments(parts), tuple(e.u for e in parts)
+        segments, instruments = joint_segments(parts), instruments_of(parts, which == "reference")
         if which == "reference":
-            instruments = tuple(e.reference for e in parts)
-            segments = [np.hstack([w, z]) for w, z in zip(segments, instruments, strict=True)]
+            segments = [Joint((*w.parts, z)) for w, z in zip(segments, instruments, strict=True)]
         hankel = hankel_factor(segments, past + rows)
         U = hankel.L[hankel.index(slice(0, nu), past, past + rows)]
         Y = hankel.L[hankel.index(slice(nu, nu + ny), past, past + rows)]

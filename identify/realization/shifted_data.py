@@ -43,7 +43,8 @@ def shifted_data(U: np.ndarray, Y: np.ndarray, ny: int, m: int) -> ShiftedData:
     right = la.svd(U, check_finite=False)[2]
     S = right[len(U) :].T
     H = Y @ S
-    return ShiftedData(HankelSvd(*la.svd(H[:-ny], full_matrices=False, check_finite=False), ny, m), H[ny:], S)
+    left, values, right = la.svd(H[:-ny], full_matrices=False, check_finite=False)
+    return ShiftedData(HankelSvd(left, values, right, ny, m), H[ny:], S)
 
 
 def check_input_rows(U: np.ndarray, experiments: tuple[Experiment, ...], rows: int) -> None:
@@ -71,6 +72,11 @@ def reference_missing(data: Records) -> str | None:
                 "give the gap-free parts as separate records"
             )
     return None
+
+
+def instruments_of(parts: tuple[Experiment, ...], reference: bool) -> tuple[np.ndarray, ...]:
+    """Return the reference of each part, or its inputs."""
+    return tuple(e.u if not reference or e.reference is None else e.reference for e in parts)
 
 
 def covariances(

@@ -19,7 +19,7 @@ from excite.proposal.proposal import propose as propose_design
 from excite.types.signal import Signal
 from scenarios.cli.common import json_option, limits_option, plot_option, toml_value
 from scenarios.cli.output import new_file, played_lines, plot_later, print_json, print_lines
-from scenarios.scenario.spec import play, read_excitation
+from scenarios.scenario.excitation import play, read_excitation
 from scenarios.scenario.toml_table import TomlTable, at_least
 
 

@@ -53,7 +53,7 @@ def versions() -> Iterator[Finding]:
 
 def names() -> Iterator[Finding]:
     """Find other packages of our names: installed over ours, before ours on the path, or in the working folder."""
-    home, owners = Path(import_module("excite").__file__).parents[1], metadata.packages_distributions()
+    home, owners = Path(import_module("excite").__path__[0]).parent, metadata.packages_distributions()
     for name in OURS:
         spec = find_spec(name)
         if spec is None or spec.origin != str(home / name / "__init__.py"):

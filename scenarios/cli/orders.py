@@ -109,8 +109,8 @@ def _lines(table: OrderTable) -> list[str]:
             [
                 str(row.order),
                 _number(row.gap),
-                _number(row.criteria and row.criteria.aic - best_aic),
-                _number(row.criteria and row.criteria.bic - best_bic),
+                _number(None if row.criteria is None else row.criteria.aic - best_aic),
+                _number(None if row.criteria is None else row.criteria.bic - best_bic),
                 _number(row.radius),
                 f"{len(stable)} of {len(mine)}" if mine else "",
                 row.reason or "",

@@ -28,7 +28,7 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
     from scenarios.report.text import failures, summary_text
     from scenarios.run.results import to_json
     from scenarios.run.run import run_scenario
-    from scenarios.scenario.spec import load_scenario
+    from scenarios.scenario.reading import load_scenario
 
     checked = load_scenario(scenario, runs)
     target = Path("runs") / checked.name if folder is None else Path(folder)

@@ -7,7 +7,7 @@ import click
 from excite.errors import ExciteError, did_you_mean
 from scenarios.cli.common import json_option
 from scenarios.cli.output import print_json, print_lines
-from scenarios.scenario.spec import shipped
+from scenarios.scenario.reading import shipped
 
 
 @click.command()

@@ -110,7 +110,8 @@ def _end_with_parent() -> None:
     """Leave this process as soon as its parent is gone, however that died."""
 
     def watch() -> None:
-        multiprocessing.parent_process().join()
-        os._exit(1)
+        if parent := multiprocessing.parent_process():
+            parent.join()
+            os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

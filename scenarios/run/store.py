@@ -73,8 +73,9 @@ class Store:
         moves = {}
         for key, slot in slots.items():
             source, there = places.get((key, slot.code)), found.get(slot.name, {})
-            moved = source is not None and (there.get("key"), there.get("code")) != (key, slot.code)
-            if moved and file_digest(self.path(source)) == found[source]["sha256"]:
+            if source is None or (there.get("key"), there.get("code")) == (key, slot.code):
+                continue
+            if file_digest(self.path(source)) == found[source]["sha256"]:
                 moves[key] = source, json.loads(self.path(source).read_text(encoding="utf-8"))
         for key, (_, trial) in moves.items():
             self._keep(slots[key].name, key, slots[key].code, _json({**trial, "label": slots[key].label}))
