@@ -2,10 +2,12 @@
 
 import types
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from enum import Enum
-from typing import Any, ClassVar, Generic, TypeVar, Union, get_args, get_origin
+from functools import cache
+from typing import Any, ClassVar, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -65,10 +67,11 @@ class Method(ABC, Generic[Taken, Order]):
     conformance_exceptions: ClassVar[Mapping[str, str]] = Frozen()
 
     def __post_init__(self) -> None:
+        types_of = setting_types(type(self))
         for setting in fields(self):
             place = f"{self.name}.{setting.name}"
             value = _hashable(getattr(self, setting.name), place)
-            _check_type(value, setting.type, setting.metadata, place)
+            _check_type(value, types_of[setting.name], setting.metadata, place)
             object.__setattr__(self, setting.name, value)
 
     @property
@@ -125,6 +128,17 @@ class Method(ABC, Generic[Taken, Order]):
         return tuple(setting.name for setting in fields(cls))
 
 
+@cache
+def setting_types(kind: type[Method]) -> dict[str, Any]:
+    """Return setting -> its annotation, also where the module postpones them (from __future__ import annotations)."""
+    found = {setting.name: setting.type for setting in fields(kind)}
+    if any(isinstance(each, str) for each in found.values()):
+        with suppress(Exception):  # a name that is there for type checkers alone: these settings stay unchecked
+            hints = get_type_hints(kind)
+            found = {name: hints[name] for name in found}
+    return found
+
+
 def plain_setting(value: Any) -> Any:
     """Return a setting as files hold it."""
     if isinstance(value, Method):
@@ -149,10 +163,12 @@ def _hashable(value: Any, place: str) -> Any:
         return _hashable(value.tolist(), place)
     if isinstance(value, np.generic):
         return value.item()
-    if not isinstance(value, Hashable):
+    try:
+        hash(value)
+    except Exception:
         raise ExciteError(
             f"{place}: a {type(value).__name__} cannot be a setting; give numbers, text, lists or methods"
-        )
+        ) from None
     return value
 
 

@@ -1,12 +1,11 @@
 """The table of methods, and how one is loaded by name with its settings."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any, get_args
 
 from excite.errors import ExciteError, did_you_mean
 from excite.registry import Registry
-from identify.method import Method
+from identify.method import Method, setting_types
 
 
 def _no_method(found: Any) -> str | None:
@@ -69,7 +68,7 @@ def load_method(name: str, **settings: Any) -> Method:
     for key in settings:
         if key not in kind.setting_names():
             raise ExciteError(f"{name}: no setting '{key}'; {did_you_mean(key, kind.setting_names())}")
-    wrapped = {f.name for f in fields(kind) if Method in (f.type, *get_args(f.type))}
+    wrapped = {key for key, each in setting_types(kind).items() if Method in (each, *get_args(each))}
     return kind(**{key: _inner(value, f"{name}.{key}") if key in wrapped else value for key, value in settings.items()})
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from excite.errors import in_words
 from excite.registry import Registry
 from scenarios.cli.output import print_lines
 
@@ -84,12 +85,18 @@ def plugins() -> Iterator[Finding]:
                 yield True, f"plug-in: {registry.thing} {name}, from {' '.join(package)}"
         for name, reason in registry.skipped.items():
             yield False, f"plug-in of {group} left out: {name}: {reason}"
-    for point in (point for distribution in metadata.distributions() for point in distribution.entry_points):
-        if point.group.startswith("excite.") and point.group not in known:
-            yield (
-                False,
-                f"plug-in {point.name} ({point.value}): there is no group {point.group}; known: {', '.join(known)}",
-            )
+    for distribution in metadata.distributions():
+        try:
+            points = list(distribution.entry_points)
+        except Exception as error:  # a damaged package
+            yield False, f"distribution '{distribution.name}': its entry points cannot be read ({in_words(error)})"
+            continue
+        for point in points:
+            if point.group.startswith("excite.") and point.group not in known:
+                yield (
+                    False,
+                    f"plug-in {point.name} ({point.value}): there is no group {point.group}; known: {', '.join(known)}",
+                )
 
 
 def simulators() -> Iterator[Finding]:
@@ -100,8 +107,10 @@ def simulators() -> Iterator[Finding]:
         try:
             load_plant(name)
             yield True, f"plant {name} loads"
-        except Exception as error:  # whatever a broken binary package or a plug-in raises is the finding
-            yield False, f"plant {name} does not load: {type(error).__name__}: {error}"
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever a broken binary package or a plug-in raises is the finding
+            yield False, f"plant {name} does not load: {in_words(error)}"
 
 
 CHECKS: tuple[Callable[[], Iterator[Finding]], ...] = (versions, names, plugins, simulators)
@@ -112,7 +121,7 @@ def _safely(check: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
     try:
         yield from check()
     except Exception as error:  # anything may be broken here
-        yield False, f"{check.__name__} could not be checked: {type(error).__name__}: {error}"
+        yield False, f"{check.__name__} could not be checked: {in_words(error)}"
 
 
 def _installed(name: str) -> bool:

@@ -54,12 +54,24 @@ class ProgressLine:
         self.stage = stage
 
 
+def as_path(path: str) -> Path:
+    """Return the path of an output; what cannot be one (too long, with a null character) is refused."""
+    try:
+        os.lstat(path)
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ExciteError(f"-o {path[:60]!r}: cannot be a path ({reason}); choose another") from None
+    return Path(path)
+
+
 def new_file(path: str, *sources: str) -> Path:
     """Return an output file's path, checked before any work is done for it.
 
     There must be a folder to write it in, and it must be none of the `sources` that are read.
     """
-    target = Path(path)
+    target = as_path(path)
     if not path or target.is_dir():
         raise ExciteError(f"-o '{path}': is a folder; name a file in it")
     if not target.parent.is_dir():
@@ -74,7 +86,7 @@ def new_file(path: str, *sources: str) -> Path:
 
 def new_folder(path: str) -> Path:
     """Return an output folder's path, checked before any work is done for it."""
-    target = Path(path)
+    target = as_path(path)
     there = next(p for p in (target, *target.absolute().parents) if p.exists())
     if not path or not there.is_dir():
         raise ExciteError(f"-o '{path}': is no folder; name one that is there or can be made")

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import click
 
+from excite.errors import ExciteError
 from scenarios.cli.common import json_option
-from scenarios.cli.output import ProgressLine, print_json, print_lines
+from scenarios.cli.output import ProgressLine, as_path, print_json, print_lines
 
 
 @click.command()
@@ -31,7 +32,9 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
     from scenarios.scenario.reading import load_scenario
 
     checked = load_scenario(scenario, runs)
-    target = Path("runs") / checked.name if folder is None else Path(folder)
+    if folder == "":
+        raise ExciteError("-o '': is no folder; name one that is there or can be made")
+    target = Path("runs") / checked.name if folder is None else as_path(folder)
     try:
         result = run_scenario(checked, target, jobs, ProgressLine())
         figures = rendered(all_figures(result))

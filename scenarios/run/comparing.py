@@ -12,7 +12,7 @@ from identify.entries import Entry
 from identify.estimate_json import estimate_to_dict
 from scenarios.run.pieces import slots_of, stems_of
 from scenarios.run.results import row_json
-from scenarios.run.store import INDEX, Shelf, Store, check_comparison, hold, make_folder
+from scenarios.run.store import INDEX, Shelf, Store, check_comparison, clear, hold, make_folder
 
 TRIALS = "trials"
 RESULT = "comparison.json"
@@ -70,7 +70,7 @@ def _write_models(store: Store, found: Comparison, stems: dict[tuple, str]) -> N
         if row.estimates:
             store.write_json(name, estimate_to_dict(row.estimates[0], row.scores[0].per_output))
         else:
-            store.path(name).unlink(missing_ok=True)
+            clear(store.path(name))
 
 
 def _model_of(trial: str) -> str:

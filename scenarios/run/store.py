@@ -73,21 +73,20 @@ class Store:
         moves = {}
         for key, slot in slots.items():
             source, there = places.get((key, slot.code)), found.get(slot.name, {})
-            if source is None or (there.get("key"), there.get("code")) == (key, slot.code):
+            mine = {"key": key, "code": slot.code, "label": slot.label}
+            if source is None or mine.items() <= there.items():
                 continue
             if file_digest(self.path(source)) == found[source]["sha256"]:
                 moves[key] = source, json.loads(self.path(source).read_text(encoding="utf-8"))
         for key, (_, trial) in moves.items():
-            self._keep(slots[key].name, key, slots[key].code, _json({**trial, "label": slots[key].label}))
+            self._keep(slots[key], key, _json({**trial, "label": slots[key].label}))
         for source in {source for source, _ in moves.values()} - {slot.name for slot in slots.values()}:
             self.remove(source)
 
     def remove(self, name: str) -> None:
         """Take a piece out of the folder, and the folders that it leaves empty."""
-        self._forget(name)
-        for path in (self.path(name), self.folder / INDEX / name):
-            with suppress(OSError):
-                path.unlink()
+        for path in (self.path(name), self.folder / INDEX / f"{name}{SIDECAR}"):
+            clear(path)
             with suppress(OSError):  # one that is not empty
                 path.parent.rmdir()
 
@@ -122,9 +121,9 @@ class Store:
     def save_signal(self, name: str, key: str, code: str, signal: Signal, certificate: Mapping | None) -> None:
         """Keep a signal, as CSV with its sidecar."""
         make_folder(self.path(name).parent)
-        self._forget(name)
+        clear(self.path(name))
         save_signal(signal, self.path(name), certificate=certificate)
-        self._enter(name, key, code, file_digest(self.path(name)))
+        self._enter(name, file_digest(self.path(name)), key=key, code=code)
 
     def save_recording(self, name: str, key: str, code: str, recording: Recording) -> None:
         """Keep a recording."""
@@ -133,22 +132,24 @@ class Store:
         temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}")
         try:
             save_recording(recording, temporary)
-            sha256 = file_digest(temporary)
-            self._forget(name)
+            clear(path)
+            self._enter(name, file_digest(temporary), key=key, code=code)
             os.replace(temporary, path)
-            self._enter(name, key, code, sha256)
         finally:
             with suppress(OSError):
                 temporary.unlink()
 
-    def save_trial(self, name: str, key: str, code: str, trial: Trial) -> None:
+    def save_trial(self, slot: Slot, key: str, trial: Trial) -> None:
         """Keep a trial."""
-        self._keep(name, key, code, _json(trial_to_dict(trial)))
+        self._keep(slot, key, _json(trial_to_dict(trial)))
 
-    def _keep(self, name: str, key: str, code: str, text: str) -> None:
-        self._forget(name)
-        write_text(self.path(name), text)
-        self._enter(name, key, code, file_digest(self.path(name)))
+    def _keep(self, slot: Slot, key: str, text: str) -> None:
+        path = self.path(slot.name)
+        make_folder(path.parent)
+        clear(path)
+        with written(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+            self._enter(slot.name, file_digest(temporary), key=key, code=slot.code, label=slot.label)
 
     def write_json(self, name: str, value: Any) -> None:
         """Write a result as strict JSON."""
@@ -162,14 +163,9 @@ class Store:
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
-    def _forget(self, name: str) -> None:
-        """Take a piece out of the index before its file is written again."""
-        with suppress(FileNotFoundError):
-            (self.folder / INDEX / f"{name}{SIDECAR}").unlink()
-
-    def _enter(self, name: str, key: str, code: str, sha256: str) -> None:
-        """Enter a piece that is in its place: a run that is killed between the two makes it again."""
-        write_json(self.folder / INDEX / f"{name}{SIDECAR}", {"key": key, "code": code, "sha256": sha256})
+    def _enter(self, name: str, sha256: str, **made_of: str) -> None:
+        """Enter a piece before it takes its place, which is free: a run that is killed between the two makes it again."""
+        write_json(self.folder / INDEX / f"{name}{SIDECAR}", {**made_of, "sha256": sha256})
 
 
 class Shelf(MutableMapping[str, Trial]):
@@ -185,7 +181,7 @@ class Shelf(MutableMapping[str, Trial]):
         return self.store.trial(slot.name)
 
     def __setitem__(self, key: str, trial: Trial) -> None:
-        self.store.save_trial(self.slots[key].name, key, self.slots[key].code, trial)
+        self.store.save_trial(self.slots[key], key, trial)
 
     def __delitem__(self, key: str) -> None:
         raise KeyError(f"{key}: trials are kept")
@@ -223,9 +219,11 @@ def open_folder(folder: Path, source: Mapping[str, Any]) -> Iterator[Store]:
 def _check_run(folder: Path, source: Mapping[str, Any]) -> str | None:
     """Return the resolved scenario that a folder holds, or None; refuse a folder that this one cannot go on in."""
     marker = folder / RESOLVED
-    if not marker.exists():
-        if any(not _ours(path) for path in folder.iterdir()):
-            raise ExciteError(f"{folder}: holds other files and no run; choose an empty or new folder with -o")
+    with writing(folder):
+        there, others = marker.exists(), any(not _ours(path) for path in folder.iterdir())
+    if not there and others:
+        raise ExciteError(f"{folder}: holds other files and no run; choose an empty or new folder with -o")
+    if not there:
         return None
     if not (folder / INDEX).is_dir():
         raise ExciteError(
@@ -244,9 +242,11 @@ def _check_run(folder: Path, source: Mapping[str, Any]) -> str | None:
 
 def check_comparison(folder: Path, result: str) -> None:
     """Refuse a folder that holds a run, or a comparison (its file `result`) of before there was an index."""
-    if (folder / RESOLVED).exists():
+    with writing(folder):
+        run, before = (folder / RESOLVED).exists(), (folder / result).exists() and not (folder / INDEX).is_dir()
+    if run:
         raise ExciteError(f"{folder}: holds a run of a scenario; choose another folder for the comparison with -o")
-    if (folder / result).exists() and not (folder / INDEX).is_dir():
+    if before:
         raise ExciteError(
             f"{folder}: holds a comparison of an earlier version, whose models nothing vouches for; choose another folder "
             "with -o, or remove this one"
@@ -264,7 +264,7 @@ def hold(folder: Path) -> Iterator[None]:
             f"{folder}: another run is working in this folder; wait for it, or choose another with -o"
         ) from None
     except OSError as error:
-        raise ExciteError(f"{folder}: cannot be written ({error.strerror}); choose another folder with -o") from None
+        raise _unwritable(folder, error) from error
     try:
         _sweep(folder)
         yield
@@ -274,9 +274,9 @@ def hold(folder: Path) -> Iterator[None]:
 
 def _sweep(folder: Path) -> None:
     """Remove what a killed run was writing, from where we write and nowhere else."""
-    for path in (*folder.iterdir(), *(path for room in ROOMS for path in (folder / room).rglob("*"))):
-        if TEMPORARY.fullmatch(path.name):
-            with suppress(OSError):
+    with suppress(OSError):
+        for path in (*folder.iterdir(), *(path for room in ROOMS for path in (folder / room).rglob("*"))):
+            if TEMPORARY.fullmatch(path.name):
                 path.unlink()
 
 
@@ -315,10 +315,29 @@ def make_folder(folder: Path) -> None:
     """Make a folder and those above it, where they are missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise ExciteError(f"{folder}: a file is in the way; name another folder with -o") from None
+    except (FileExistsError, NotADirectoryError) as error:
+        raise ExciteError(f"{folder}: a file is in the way; name another folder with -o") from error
     except OSError as error:
-        raise ExciteError(f"{folder}: cannot be written ({error.strerror}); choose another folder with -o") from None
+        raise _unwritable(folder, error) from error
+
+
+def clear(path: Path) -> None:
+    """Remove a file that is to be written again, or that nothing asks for, where it is there."""
+    with writing(path):
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(place: Path) -> Iterator[None]:
+    """Turn what the file system refuses inside into an error that names the place and the remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise _unwritable(place, error) from error
+
+
+def _unwritable(place: Path, error: OSError) -> ExciteError:
+    return ExciteError(f"{place}: cannot be written ({error.strerror or error}); choose another folder with -o")
 
 
 def write_text(path: Path, text: str) -> None:
