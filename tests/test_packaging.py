@@ -35,6 +35,7 @@ def test_the_wheel_holds_the_four_packages_their_data_and_the_licence(wheel):
         "scenarios",
     }
     assert "plants/quadrotor/model.xml" in names and "scenarios/library/quadrotor_prbs.toml" in names
+    assert all(f"{package}/py.typed" in names for package in ("excite", "plants", "identify", "scenarios"))
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
