@@ -37,10 +37,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 def in_words(error: BaseException) -> str:
     """Return an error of whatever kind as one line: its message where it is ours, else its type and message.
 
-    Messages of many lines become one line, and the longest are cut: the traceback has the whole.
+    Messages of many lines become one line without control characters, and the longest are cut: the traceback has the
+    whole.
     """
     try:
         text = " ".join(str(error).split())
+        text = "".join(c if c.isprintable() else "?" for c in text)
     except Exception:  # an error of another package whose message cannot be made
         text = ""
     if not isinstance(error, ExciteError):

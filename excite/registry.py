@@ -1,7 +1,8 @@
 """Registries: one line per entry of ours, and entry points of installed packages beside them."""
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from functools import cached_property
 from importlib import import_module
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -63,7 +64,8 @@ class Registry(Generic[Entry]):
     def _refused(self, point: EntryPoint) -> str | None:
         """Load an entry point and return why it cannot be an entry, or None."""
         try:
-            loaded = point.load()
+            with redirect_stdout(sys.stderr):  # stdout is for results
+                loaded = point.load()
             own = getattr(loaded, "name", point.name) if self.named else point.name
             if own != point.name:
                 return f"it calls itself {own!r}; give the entry point that name"

@@ -20,6 +20,7 @@ from identify.method import Method
 from identify.metrics.fits import floor_metric
 from identify.metrics.frequency import band_of
 from identify.metrics.ranking import ranking_value
+from identify.metrics.registry import load_metric
 from identify.registry import METHODS
 from identify.score import UNCLIPPED, Score, absent, case_of, mean_score, score_in
 
@@ -313,8 +314,8 @@ def statistics(values: Sequence[float]) -> dict[str, float]:
 
 def compare(
     data: Experiment | Iterable[Experiment] | Data,
-    methods: Iterable[str | Method | Entry],
-    orders: Sequence[int | str | None] | None = None,
+    methods: str | Method | Entry | Iterable[str | Method | Entry],
+    orders: int | str | Sequence[int | str | None] | None = None,
     validation: Experiment | None = None,
     truth: Truth | None = None,
     *,
@@ -345,7 +346,15 @@ def compare(
     >>> len(found.rows), found.best.method in ("arx", "ssarx")
     (4, True)
     """
+<<<<<<< HEAD
     ready = data if isinstance(data, FrequencyResponse) else Records.of(data)
+=======
+    if not rank_by:
+        raise ExciteError("rank_by: is empty; give at least one metric")
+    for metric in rank_by:
+        load_metric(metric)  # refused now, and not after all the fits
+    ready = Records.of(data) if not hasattr(data, "frf") else data
+>>>>>>> robust
     chosen = entries(methods, orders)
     judge = Judge(() if validation is None else (validation,), truth, horizons=horizons, band_hz=band_hz)
     trials = run_trials(chosen, ready, judge, store=store, progress=progress)

@@ -25,7 +25,8 @@ class Entry:
 
 
 def entries(
-    methods: Iterable[str | Method | Entry], orders: Sequence[int | str | None] | None = None
+    methods: str | Method | Entry | Iterable[str | Method | Entry],
+    orders: int | str | Sequence[int | str | None] | None = None,
 ) -> tuple[Entry, ...]:
     """Return entries with labels that differ: a method's name, followed by the settings that set twins apart.
 
@@ -33,14 +34,20 @@ def entries(
 
     Raises
     ------
-    ExciteError where a method stands there twice with the same settings and order.
+    ExciteError for what is no method, and where one stands there twice with the same settings and order.
     """
+    methods = [methods] if isinstance(methods, (str, Method, Entry)) else methods
+    orders = [orders] if isinstance(orders, (int, str)) else orders
     found = []
     for each in methods:
         if isinstance(each, Entry):
             found.append(each)
             continue
         method = load_method(each) if isinstance(each, str) else each
+        if not isinstance(method, Method):
+            raise ExciteError(
+                f"methods: {each!r} is none; give names, Methods with their settings, or Entries with labels"
+            )
         asked = (None,) if method.order_is is None or not orders else tuple(dict.fromkeys(orders))
         found.append(Entry(method.name, method, asked))
     _refuse_twins(found)

@@ -1,5 +1,7 @@
 """excite compare."""
 
+import sys
+from contextlib import redirect_stdout
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -61,9 +63,10 @@ def compare(
         label, data[-1], judged = f"last third of {file[-1]}", data[-1].window(0, cut), data[-1].window(cut)
     line = ProgressLine()
     try:
-        found, report = compare_in_folder(
-            target, chosen, data, judged, place=label, progress=lambda done, total: line("identifying", done, total)
-        )
+        with redirect_stdout(sys.stderr):  # what a plug-in prints is no result
+            found, report = compare_in_folder(
+                target, chosen, data, judged, place=label, progress=lambda done, total: line("identifying", done, total)
+            )
     except KeyboardInterrupt:
         click.echo(f"\n{target}: finished fits are kept; the same command goes on from there", err=True)
         raise

@@ -1,6 +1,8 @@
 """excite run."""
 
 import os
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import click
@@ -36,8 +38,9 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
         raise ExciteError("-o '': is no folder; name one that is there or can be made")
     target = Path("runs") / checked.name if folder is None else as_path(folder)
     try:
-        result = run_scenario(checked, target, jobs, ProgressLine())
-        figures = rendered(all_figures(result))
+        with redirect_stdout(sys.stderr):  # what a plug-in prints is no result
+            result = run_scenario(checked, target, jobs, ProgressLine())
+            figures = rendered(all_figures(result))
         write_figures(figures, target / "figures")
         write_report(result, target / "report.html", figures)
     except KeyboardInterrupt:

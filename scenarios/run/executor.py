@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -56,7 +57,7 @@ class Local(Executor):
 def _processes(folder: str, jobs: int) -> Iterator[Each]:
     others = multiprocessing.active_children()
     context = multiprocessing.get_context("spawn")
-    with _single_threaded(), ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent) as pool:
+    with _single_threaded(), ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin) as pool:
 
         def each(pieces: Sequence[Piece]) -> Iterator[None]:
             with _interrupts_ignored():  # by the processes that the first submit starts; Ctrl-C is for this one
@@ -106,8 +107,9 @@ def _interrupts_ignored() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _end_with_parent() -> None:
-    """Leave this process as soon as its parent is gone, however that died."""
+def _begin() -> None:
+    """Leave this process as soon as its parent is gone, however that died; stdout is for the parent's results."""
+    sys.stdout = sys.stderr
 
     def watch() -> None:
         if parent := multiprocessing.parent_process():

@@ -13,7 +13,6 @@ from scenarios.cli.main import status
 
 MODULE = '''
 import os
-import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from identify.prediction_error.arx import Arx
+
+print("at import")
 
 
 class Odd(Exception):
@@ -47,6 +48,7 @@ class Breaking(Arx):
     error: str = field(default="ValueError", metadata={"meaning": "what is raised"})
 
     def realize(self, compressed, order, data):
+        print("not for stdout")
         raise ERRORS[self.error]
 
 
@@ -56,7 +58,6 @@ class Logged(Arx):
 
     name = "logged"
     summary = "an arx that says when it is asked"
-    wait_s: float = field(default=0.0, metadata={"meaning": "time before each fit"})
 
     def realize(self, compressed, order, data):
         with open(os.environ["EXCITE_TEST_LOG"], "a", encoding="utf-8") as stream:

@@ -3,6 +3,7 @@
 import json
 import tomllib
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from identify.compare import compare
 from identify.entries import Entry, entries
 from identify.figures.registry import FIGURES
 from identify.metrics.registry import METRICS
-from identify.registry import METHODS, load_method
+from identify.registry import load_method
 from scenarios.run.design import make_design
 from scenarios.run.pieces import stems_of
 from scenarios.scenario.reading import check_scenario, shipped
@@ -94,6 +95,18 @@ def test_where_every_row_fails_the_report_is_written_and_the_code_is_2(tmp_path,
     assert rows_of(tmp_path / "run/scores.json")[0]["failures"][1]["data"] == "run 1"
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_plug_in_prints_is_no_result(jobs, tmp_path):
+    site = breakers(tmp_path)
+    argv = ("--methods", "arx,breaking", "--orders", "2", "-o", tmp_path / "out", "--json")
+    code, out, err = python("-m", "excite", "compare", *record(tmp_path), *argv, path=[site])
+    assert code == 0 and json.loads(out)["rows"] and "not for stdout" in err and "at import" in err
+    path = scenario(tmp_path, method=[*source()["method"], {"name": "breaking", "order": 2}])
+    argv = ("-m", "excite", "run", path, "-o", tmp_path / "run", "--jobs", jobs, "--json")
+    code, out, err = python(*argv, path=[site])
+    assert code == 0 and json.loads(out)["views"] and "not for stdout" in err
+
+
 def test_an_interrupt_is_no_failure_of_a_row(tmp_path, monkeypatch):
     breakers(tmp_path, monkeypatch)
     argv = ("--methods", "arx,breaking(error=KeyboardInterrupt)", "--orders", "2", "-o", tmp_path / "out")
@@ -143,62 +156,6 @@ def test_a_metric_or_a_figure_of_a_plug_in_that_raises_says_why_and_the_run_goes
     )
 
 
-# Plug-ins that are bad ---------------------------------------------------------------------------------------------------
-
-BAD = """
-from abc import abstractmethod
-from dataclasses import dataclass
-from identify.prediction_error.arx import Arx
-from identify.method import Method
-
-@dataclass(frozen=True)
-class Misnamed(Arx):
-    name = "arx"
-    summary = "claims to be another"
-
-@dataclass(frozen=True)
-class Abstract(Method):
-    name = "abstract"
-    summary = "cannot do anything"
-"""
-
-
-def test_bad_plug_ins_are_named_and_skipped_and_all_else_works(tmp_path):
-    site = breakers(tmp_path, entries={"logged": "breakers:Logged", "arx": "breakers:Logged"})
-    points = {"misnamed": "bad:Misnamed", "abstract": "bad:Abstract", "leaves": "leaves:Any", "absent": "no_module:Any"}
-    install(site, "excite-bad", {"bad.py": BAD, "leaves.py": "import sys\nsys.exit('bye')"}, {"excite.methods": points})
-    install(site, "excite-twin", {}, {"excite.methods": {"logged": "breakers:Nothing"}})
-    garbled = install(tmp_path / "garbled", "excite-garbled")
-    (garbled / "excite_garbled-0.1.dist-info/entry_points.txt").write_text("[excite.methods]\nno equals sign\n")
-    code, out, _ = python("-m", "excite", "doctor", path=[site])
-    assert code == 2 and "plug-in: method logged, from excite-breakers 0.1" in out
-    for text in (
-        "arx (breakers:Logged): the name is taken by excite",
-        "misnamed (bad:Misnamed): it calls itself 'arx'; give the entry point that name",
-        "abstract (bad:Abstract): lacks realize",
-        "leaves (leaves:Any): SystemExit: bye",
-        "absent (no_module:Any): ModuleNotFoundError",
-        "logged (breakers:Nothing): the name is taken by excite-breakers (breakers:Logged)",
-    ):
-        assert f"plug-in of excite.methods left out: {text}" in out
-    code, out, err = python("-m", "excite", "methods", path=[site, garbled])
-    assert (code, err) == (0, "") and "logged" in out and "abstract" not in out
-    code, _, err = python("-m", "excite", "methods", "leaves", path=[site])
-    assert code == 2 and "method 'leaves' does not exist" in err
-    argv = ("--methods", "arx,ssarx", "--orders", "2", "-o", tmp_path / "out")
-    assert python("-m", "excite", "compare", *record(tmp_path), *argv, path=[site, garbled])[0] == 0
-    code, out, _ = python("-m", "excite", "doctor", path=[site, garbled])
-    assert code == 2 and "excite-garbled" in out and "plug-in: method logged" in out
-
-
-def test_of_two_plug_ins_of_one_name_the_one_that_works_is_taken(tmp_path, monkeypatch):
-    install(tmp_path / "site", "excite-a", {}, {"excite.methods": {"logged": "a_module:Logged"}})
-    breakers(tmp_path, monkeypatch)
-    assert (
-        METHODS.distribution("logged") == ("excite-breakers", "0.1") and "logged (a_module:Logged)" in METHODS.skipped
-    )
-
-
 # Settings ------------------------------------------------------------------------------------------------------------------
 
 
@@ -231,34 +188,6 @@ def test_huge_settings_are_a_reason_in_words(size, tmp_path):
     rows = rows_of(tmp_path / "out/comparison.json")
     assert code == 0 and "warning" not in err and rows[0]["reason"] is None
     assert all("the largest possible" in row["reason"] for row in rows[1:])
-
-
-POSTPONED = """
-from __future__ import annotations
-from dataclasses import dataclass, field
-from identify.method import Method
-from identify.prediction_error.arx import Arx
-
-@dataclass(frozen=True)
-class Later(Arx):
-    name = "later"
-    summary = "annotations that are text"
-    weight: float = field(default=1.0, metadata={"minimum": 0})
-    inner: Method = Arx()
-"""
-
-
-def test_settings_are_checked_where_annotations_are_postponed(tmp_path, monkeypatch):
-    points = {"excite.methods": {"later": "later_module:Later"}}
-    put_on_path(install(tmp_path, "excite-later", {"later_module.py": POSTPONED}, points), monkeypatch)
-    assert load_method("later", inner="ssarx").inner == load_method("ssarx")
-    for settings, text in (
-        ({"weight": "x"}, "give a finite number"),
-        ({"weight": -1.0}, "at least 0"),
-        ({"inner": 3}, "give"),
-    ):
-        with pytest.raises(ExciteError, match=f"later.{next(iter(settings))}: .*{text}"):
-            load_method("later", **settings)
 
 
 # Twins and labels ----------------------------------------------------------------------------------------------------------
@@ -359,6 +288,24 @@ def test_two_labels_of_a_notebook_are_two_rows():
     chosen = [Entry("a", load_method("arx"), (1,)), Entry("A", load_method("arx", delay=0), (1,))]
     found = compare(data, chosen, validation=data)
     assert {row.label for row in found.rows} == {"a", "A"}
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"methods": [3]}, "methods: 3 is none; give names"),
+        ({"methods": ["nope"]}, "method 'nope' does not exist"),
+        ({"rank_by": []}, "rank_by: is empty"),
+        ({"rank_by": ["nope"]}, "metric 'nope' does not exist"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_before_any_fit(given, text):
+    data = Experiment(np.arange(20.0), np.arange(20.0), dt=1.0)
+    with pytest.raises(ExciteError, match=text):
+        compare(data, **{"methods": ["arx"], "orders": 2, **given}, store=FIXED)
+
+
+FIXED = MappingProxyType({})  # nothing can be put there
 
 
 # Old words, and parts --------------------------------------------------------------------------------------------------------

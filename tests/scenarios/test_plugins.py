@@ -1,0 +1,89 @@
+"""Plug-ins that are bad are named and skipped; those that are odd are checked all the same."""
+
+import pytest
+from breaking import breakers, put_on_path, record
+from installed import install, python
+
+from excite.errors import ExciteError
+from identify.registry import METHODS, load_method
+
+BAD = """
+from abc import abstractmethod
+from dataclasses import dataclass
+from identify.prediction_error.arx import Arx
+from identify.method import Method
+
+@dataclass(frozen=True)
+class Misnamed(Arx):
+    name = "arx"
+    summary = "claims to be another"
+
+@dataclass(frozen=True)
+class Abstract(Method):
+    name = "abstract"
+    summary = "cannot do anything"
+"""
+
+
+def test_bad_plug_ins_are_named_and_skipped_and_all_else_works(tmp_path):
+    site = breakers(tmp_path, entries={"logged": "breakers:Logged", "arx": "breakers:Logged"})
+    points = {"misnamed": "bad:Misnamed", "abstract": "bad:Abstract", "leaves": "leaves:Any", "absent": "no_module:Any"}
+    install(site, "excite-bad", {"bad.py": BAD, "leaves.py": "import sys\nsys.exit('bye')"}, {"excite.methods": points})
+    install(site, "excite-twin", {}, {"excite.methods": {"logged": "breakers:Nothing"}})
+    garbled = install(tmp_path / "garbled", "excite-garbled")
+    (garbled / "excite_garbled-0.1.dist-info/entry_points.txt").write_text("[excite.methods]\nno equals sign\n")
+    code, out, _ = python("-m", "excite", "doctor", path=[site])
+    assert code == 2 and "plug-in: method logged, from excite-breakers 0.1" in out
+    for text in (
+        "arx (breakers:Logged): the name is taken by excite",
+        "misnamed (bad:Misnamed): it calls itself 'arx'; give the entry point that name",
+        "abstract (bad:Abstract): lacks realize",
+        "leaves (leaves:Any): SystemExit: bye",
+        "absent (no_module:Any): ModuleNotFoundError",
+        "logged (breakers:Nothing): the name is taken by excite-breakers (breakers:Logged)",
+    ):
+        assert f"plug-in of excite.methods left out: {text}" in out
+    code, out, err = python("-m", "excite", "methods", path=[site, garbled])
+    assert (code, err) == (0, "at import\n") and "logged" in out and "abstract" not in out
+    code, _, err = python("-m", "excite", "methods", "leaves", path=[site])
+    assert code == 2 and "method 'leaves' does not exist" in err
+    argv = ("--methods", "arx,ssarx", "--orders", "2", "-o", tmp_path / "out")
+    assert python("-m", "excite", "compare", *record(tmp_path), *argv, path=[site, garbled])[0] == 0
+    code, out, _ = python("-m", "excite", "doctor", path=[site, garbled])
+    assert code == 2 and "excite-garbled" in out and "plug-in: method logged" in out
+
+
+def test_of_two_plug_ins_of_one_name_the_one_that_works_is_taken(tmp_path, monkeypatch):
+    install(tmp_path / "site", "excite-a", {}, {"excite.methods": {"logged": "a_module:Logged"}})
+    breakers(tmp_path, monkeypatch)
+    assert (
+        METHODS.distribution("logged") == ("excite-breakers", "0.1") and "logged (a_module:Logged)" in METHODS.skipped
+    )
+
+
+POSTPONED = """
+from __future__ import annotations
+from dataclasses import dataclass, field
+from identify.method import Method
+from identify.prediction_error.arx import Arx
+
+@dataclass(frozen=True)
+class Later(Arx):
+    name = "later"
+    summary = "annotations that are text"
+    weight: float = field(default=1.0, metadata={"minimum": 0})
+    inner: Method = Arx()
+"""
+
+
+def test_settings_are_checked_where_annotations_are_postponed(tmp_path, monkeypatch):
+    points = {"excite.methods": {"later": "later_module:Later"}}
+    put_on_path(install(tmp_path, "excite-later", {"later_module.py": POSTPONED}, points), monkeypatch)
+    assert load_method("later", inner="ssarx").inner == load_method("ssarx")
+    for settings, text in (
+        ({"weight": "x"}, "give a finite number"),
+        ({"weight": -1.0}, "at least 0"),
+        ({"inner": 3}, "give"),
+    ):
+        with pytest.raises(ExciteError, match=f"later.{next(iter(settings))}: .*{text}"):
+            load_method("later", **settings)
