@@ -346,15 +346,11 @@ def compare(
     >>> len(found.rows), found.best.method in ("arx", "ssarx")
     (4, True)
     """
-<<<<<<< HEAD
-    ready = data if isinstance(data, FrequencyResponse) else Records.of(data)
-=======
     if not rank_by:
         raise ExciteError("rank_by: is empty; give at least one metric")
     for metric in rank_by:
         load_metric(metric)  # refused now, and not after all the fits
-    ready = Records.of(data) if not hasattr(data, "frf") else data
->>>>>>> robust
+    ready = data if isinstance(data, FrequencyResponse) else Records.of(data)
     chosen = entries(methods, orders)
     judge = Judge(() if validation is None else (validation,), truth, horizons=horizons, band_hz=band_hz)
     trials = run_trials(chosen, ready, judge, store=store, progress=progress)
