@@ -5,7 +5,7 @@ Every refusal reads ``place: value; remedy``. `place` is what the reader calls t
 
 import math
 from collections.abc import Callable, Collection
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -21,12 +21,12 @@ def bad(place: str, value: object, remedy: str, fault: str = "") -> ExciteError:
     return ExciteError(f"{place}: {value!r}{fault and ' '}{fault}; {remedy}")
 
 
-def is_whole(value: object) -> bool:
+def is_whole(value: object) -> TypeGuard[int]:
     """Whether a value is a whole number; true and false are none, and 1.0 is none."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a real number, finite or not; true and false are none."""
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
@@ -65,7 +65,7 @@ def positive(value: object, place: str) -> float:
     """Return a positive finite number."""
     if not (is_number(value) and 0 < _float(value) < np.inf):
         raise bad(place, value, "give a number above 0", "is not a positive finite number")
-    return float(value)
+    return _float(value)
 
 
 def flag(value: object, place: str) -> bool:

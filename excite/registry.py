@@ -51,7 +51,7 @@ class Registry(Generic[Entry]):
             name = point.name
             if name in self.ours or name in found:
                 owner = _owner(found[name]) if name in found else "excite"
-                reason = f"the name is taken by {owner}; rename the entry point"
+                reason: str | None = f"the name is taken by {owner}; rename the entry point"
             else:
                 reason = self._refused(point)
             if reason is None:

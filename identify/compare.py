@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.digest import digest
 from excite.errors import ExciteError, in_words
+from excite.models.frequency_response import FrequencyResponse
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
 from identify.data.records import Data, Records
@@ -127,6 +128,15 @@ class Comparison:
     horizons: tuple[int, ...] = ()
 
     @property
+    def uniform_dt(self) -> float:
+        """The sampling time, s; raises ExciteError where the records have none."""
+        if self.dt is None:
+            raise ExciteError(
+                f"{self.name}: sampling is not uniform, and one sampling time is needed; resample the record"
+            )
+        return self.dt
+
+    @property
     def best(self) -> Row | None:
         """The first row that gave a model in every trial."""
         return next((row for row in self.rows if row.reason is None), None)
@@ -219,14 +229,14 @@ def trial_key(base: str, method: Method, order: int | str | None) -> str:
 
 def _trial(entry: Entry, order: int | str | None, data: Data, judge: Judge, name: str, shared: dict[Any, Any]) -> Trial:
     """Fit and score; any exception but an interrupt is a failure of this trial alone."""
-    known = {"label": entry.label, "method": entry.method.name, "order": order, "data": name}
+    known = entry.label, entry.method.name, order, name
     try:
         estimate = fit(data, entry.method, order, shared=shared)
-        return Trial(**known, estimate=estimate, score=judge(estimate))
+        return Trial(*known, estimate=estimate, score=judge(estimate))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # of whatever kind, an exit among them: the other trials go on
-        return Trial(**known, failure=Failure.of(error))
+        return Trial(*known, failure=Failure.of(error))
 
 
 def _keep(store: MutableMapping[str, Trial], key: str, trial: Trial) -> Trial:
@@ -261,7 +271,7 @@ def compared(
     first = judge.validation[0] if judge.validation else None
     return Comparison(
         name=name,
-        dt=judge.truth.model.dt if first is None and judge.truth is not None else first and first.dt,
+        dt=judge.truth.model.dt if first is None and judge.truth is not None else None if first is None else first.dt,
         closed=closed,
         rows=tuple(sorted(rows, key=lambda row: (row.rank_value, _unclipped(row, rank_by[0])))),
         validation=first,
@@ -287,10 +297,8 @@ def _row(trials: tuple[Trial, ...], rank_by: tuple[str, ...], consistent: Mappin
     summary = {name: statistics([score.values.get(name, float("nan")) for score in scores]) for name in names}
     failed = [trial.failure for trial in trials if trial.failure is not None]
     reasons = absent(scores)
-    if failed:
-        value, reason = np.inf, failed[0].reason
-    else:
-        value, reason = ranking_value({name: each["median"] for name, each in summary.items()}, reasons, rank_by)
+    medians = {name: each["median"] for name, each in summary.items()}
+    value, reason = (np.inf, failed[0].reason) if failed else ranking_value(medians, reasons, rank_by)
     claim = consistent[first.method] if first.method in consistent else METHODS[first.method].consistent_in_closed_loop
     return Row(first.label, first.method, first.order, claim, trials, summary, reasons, value, reason)
 
@@ -342,7 +350,7 @@ def compare(
         raise ExciteError("rank_by: is empty; give at least one metric")
     for metric in rank_by:
         load_metric(metric)  # refused now, and not after all the fits
-    ready = Records.of(data) if not hasattr(data, "frf") else data
+    ready = data if isinstance(data, FrequencyResponse) else Records.of(data)
     chosen = entries(methods, orders)
     judge = Judge(() if validation is None else (validation,), truth, horizons=horizons, band_hz=band_hz)
     trials = run_trials(chosen, ready, judge, store=store, progress=progress)

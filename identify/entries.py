@@ -96,7 +96,7 @@ def packages_of(method: Method, order: int | str | None) -> list[tuple[str, str]
     found = {METRICS.distribution(name) for name in METRICS} | _packages(method)
     if isinstance(order, str):
         found.add(ORDER_RULES.distribution(order))
-    return sorted(found - {None})
+    return sorted(package for package in found if package is not None)
 
 
 def _packages(method: Method) -> set[tuple[str, str] | None]:

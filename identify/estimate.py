@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from excite.models.model import Model
+from excite.errors import ExciteError
+from excite.models.model import Dynamic, Model
 from excite.types.frozen import Frozen
 from identify.uncertainty.uncertainty import Uncertainty
 
@@ -44,3 +45,12 @@ class Estimate:
     condition: float | None = None
     route: str | None = None
     seconds: float = 0.0
+
+    @property
+    def dynamic(self) -> Dynamic:
+        """The model, where it has poles and can be simulated; raises ExciteError where it is known by its response alone."""
+        if not isinstance(self.model, Dynamic):
+            raise ExciteError(
+                f"{self.method}: a {type(self.model).__name__} has no poles; take a method that finds some"
+            )
+        return self.model

@@ -14,7 +14,7 @@ from excite.numerics.simulate import simulate
 from excite.types.experiment import Experiment
 from excite.types.loop import Loop
 from identify.data.records import Kind
-from identify.method import Method
+from identify.method import Method, Need
 
 Example = tuple[tuple[Any, ...], Any]
 DT = 0.1
@@ -56,8 +56,10 @@ def closed_loop(samples: int, seed: int) -> tuple[Experiment, StateSpaceModel]:
         u[k - 1] = -0.5 * y[k - 1] + r[k]
         z[k] = 1.5 * z[k - 1] - 0.7 * z[k - 2] + u[k - 1] + 0.5 * u[k - 2]
         y[k] = z[k] + 0.8 * v[k]
-    truth = StateSpaceModel([[1.5, -0.7], [1, 0]], [[1], [0]], [[1, 0.5]], [[0]], 1.0)
-    return Experiment(u, y, dt=1.0, reference=r, loop=Loop("closed")), truth
+    A, B, C, D = (np.array(each) for each in ([[1.5, -0.7], [1, 0]], [[1], [0]], [[1, 0.5]], [[0]]))
+    truth = StateSpaceModel(A, B, C, D, 1.0)
+    reference = np.append(r[1:], 0.0)  # r(k) moves u(k - 1)
+    return Experiment(u, y, dt=1.0, reference=reference, loop=Loop("closed")), truth
 
 
 def _series(noise: float, length: int) -> Example:
@@ -97,7 +99,7 @@ def _outputs(noise: float, length: int) -> Example:
     K, cov = kalman_gain(A, C, np.eye(4), noise**2 * np.eye(2), np.zeros((4, 2)))
     truth = StateSpaceModel(A, np.empty((4, 0)), C, np.empty((2, 0)), DT, K=K, innovation_cov=cov)
     e = rng.standard_normal((1500 * length, 2)) @ la.cholesky(cov)
-    return (Experiment(None, simulate(A, K, C, np.eye(2), e), dt=DT),), truth
+    return (Experiment(np.empty((len(e), 0)), simulate(A, K, C, np.eye(2), e), dt=DT),), truth
 
 
 def _frequencies(noise: float, length: int) -> Example:
@@ -127,4 +129,12 @@ def example_of(method: Method, noise: float = 0.1, length: int = 1) -> Example:
     own = method.example(noise, length)
     if own is not None:
         return own
-    return next(EXAMPLES[kind] for kind in Kind if kind in method.takes and kind in EXAMPLES)(noise, length)
+    data, truth = next(EXAMPLES[kind] for kind in Kind if kind in method.takes and kind in EXAMPLES)(noise, length)
+    return tuple(with_needs(method, record) for record in data), truth
+
+
+def with_needs(method: Method, record: Any) -> Any:
+    """Return a record with the reference that a method needs: in open loop, what is played."""
+    if Need.REFERENCE not in method.needs:
+        return record
+    return replace(record, reference=record.u, references=None)

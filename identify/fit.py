@@ -2,18 +2,18 @@
 
 import time
 from collections.abc import Iterable, MutableMapping
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from excite.errors import ExciteError, Unsupported
 from excite.models.frequency_response import FrequencyResponse
-from excite.models.model import Dynamic
+from excite.models.model import Dynamic, Model
 from excite.types.experiment import Experiment
 from excite.types.frozen import Frozen
 from identify.data.gaps import gap_free
-from identify.data.records import Data, Kind, Records, mismatch, missing_sample, out_of_range, proportional
+from identify.data.records import Data, Kind, Records, constant, mismatch, missing_sample, out_of_range, proportional
 from identify.estimate import Estimate, Status
 from identify.method import Method, Need
 from identify.orders.rules import Candidates, order_rule
@@ -74,8 +74,10 @@ def check(method: Method, data: Data, order: int | str | None) -> None:
     """Raise Unsupported or ExciteError when the data or the order cannot work."""
     if reason := unsupported(method, data):
         raise Unsupported(f"{method.name}: {reason}")
-    if isinstance(data, Records) and Kind.SERIES in method.takes and (reason := proportional(data.parts(1))):
-        raise ExciteError(reason)
+    if isinstance(data, Records) and Kind.SERIES in method.takes:
+        parts = data.parts(1)
+        if reason := constant(parts) or proportional(parts):
+            raise ExciteError(reason)
     if method.order_is is None:
         if order is not None:
             raise ExciteError(f"{method.name}: order {order!r}; this method has no order, leave it out")
@@ -180,18 +182,24 @@ def _about_records(estimate: Estimate, method: Method, measured: Records, ready:
         predictor = method.consistent_in_closed_loop or measured.closed
         estimate = _behind_dead_time(estimate, measured.deviations(), method.input_delay, predictor)
     level = measured.measured[0].level
-    if level.state == "known" and isinstance(estimate.model, Dynamic):
+    if level.state == "known" and isinstance(estimate.model, Dynamic) and is_dataclass(estimate.model):
         model = replace(estimate.model, input_offset=np.array(level.u0), output_offset=np.array(level.y0))
         estimate = replace(estimate, model=model)
-    judged = isinstance(estimate.model, Dynamic) and estimate.status is Status.OK and not measured.closed
-    if judged and estimate.model.dt is not None and np.abs(estimate.model.poles()).max(initial=0) > UNSTABLE:
+    if estimate.status is Status.OK and not measured.closed and _unstable(estimate.model):
         estimate = replace(estimate, status=Status.UNSTABLE)
     return estimate
 
 
+def _unstable(model: Model) -> bool:
+    """Whether a sampled model has a pole outside the unit circle."""
+    if not isinstance(model, Dynamic) or model.dt is None:
+        return False
+    return bool(np.abs(model.poles()).max(initial=0) > UNSTABLE)
+
+
 def _behind_dead_time(estimate: Estimate, data: Records, samples: int, predictor: bool) -> Estimate:
     """Return the estimate for the inputs as they were measured; x0 then also holds what was on its way at the start."""
-    model = estimate.model.delayed(samples)
+    model = estimate.dynamic.to_state_space().delayed(samples)
     predictor = bool(np.any(model.K)) and (predictor or np.abs(model.poles()).max() >= 1)  # else by simulation, as B, D
     first = (gap_free((record,), model.order).parts[0] for record in data.measured)
     x0 = tuple(initial_state(model, part, predictor) for part in first)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
-from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from excite.errors import ExciteError, did_you_mean
 from excite.types.frozen import Frozen
 from identify.data.records import Data, Kind, Records
 from identify.estimate import Estimate
+
+Taken = TypeVar("Taken", bound=Data)  # what a method takes: Records, FrequencyResponse, or either
+Order = TypeVar("Order", bound=int | None)  # int; None for a method without an order
 
 
 class Need(Enum):
@@ -36,12 +39,13 @@ class OwnCompression:
 
 
 @dataclass(frozen=True)
-class Method(ABC):
+class Method(ABC, Generic[Taken, Order]):
     """One identification method; its fields are its settings, under the literature's names.
 
     Settings are checked by their annotation and by the field's metadata: "minimum" of a number, "choices" of a text;
     "meaning" explains a setting in lists. A list becomes a tuple, so that a method can be hashed: equal methods prepare
-    and find the same. A setting may be another Method, which makes the method a wrapper.
+    and find the same. A setting may be another Method, which makes the method a wrapper. `Method[Records, int]` takes
+    records and has an order.
 
     name, summary : for lists; takes : kinds of data; needs : what the records must hold beside u and y;
     consistent_in_closed_loop : when the input depends on past outputs through feedback; order_is : "states", "lags", or
@@ -58,7 +62,7 @@ class Method(ABC):
     consistent_in_closed_loop: ClassVar[bool] = False
     order_is: ClassVar[str | None] = "states"
     asymptotic: ClassVar[bool] = False
-    input_delay: ClassVar[int] = 0
+    input_delay = 0  # without an annotation: a setting of some methods alone
     response: ClassVar["Method | None"] = None
     conformance_exceptions: ClassVar[Mapping[str, str]] = Frozen()
 
@@ -71,11 +75,11 @@ class Method(ABC):
             object.__setattr__(self, setting.name, value)
 
     @property
-    def compression(self) -> Callable[[Data], Any]:
+    def compression(self) -> Callable[[Taken], Any]:
         """How data are condensed: a hashable callable. Equal ones are computed once for all methods and orders."""
         return OwnCompression(self)
 
-    def compress(self, data: Data) -> Any:
+    def compress(self, data: Taken) -> Any:
         """Condense the data, once for all orders; the data themselves unless a method says otherwise."""
         return data
 
@@ -84,10 +88,10 @@ class Method(ABC):
         return None
 
     @abstractmethod
-    def realize(self, compressed: Any, order: int | None, data: Data) -> Estimate:
+    def realize(self, compressed: Any, order: Order, data: Taken) -> Estimate:
         """Return the estimate of one order; `data` are those that were compressed."""
 
-    def unsupported(self, data: Data) -> str | None:
+    def unsupported(self, data: Taken) -> str | None:
         """Return why these settings cannot take the data, which are of a kind that the method takes, or None."""
         return None
 
@@ -103,7 +107,7 @@ class Method(ABC):
         """Order of persistency of u that guarantees identifiability in open loop (a sufficient condition)."""
         return self.required_excitation(order)
 
-    def largest_order(self, data: Data) -> int:
+    def largest_order(self, data: Taken) -> int:
         """Largest order that these settings and data allow."""
         raise NotImplementedError(f"{self.name}: has an order, and must say how large it may be")
 
@@ -207,7 +211,8 @@ def _remedy(value: Any, wanted: Any, metadata: Mapping[str, Any]) -> str | None:
         return did_you_mean(str(value), choices) if choices else "give text"
     kind = get_origin(wanted) or wanted
     if isinstance(kind, type) and not isinstance(value, kind):
-        return {tuple: "give a list", Method: "give the name of a method"}.get(kind, f"give a {kind.__name__}")
+        words: dict[type, str] = {tuple: "give a list", Method: "give the name of a method"}
+        return words.get(kind, f"give a {kind.__name__}")
     return None
 
 

@@ -5,13 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from identify.method import Method
+from identify.method import Method, Taken
 from identify.steps.regions import Stable, region
 from identify.steps.shift import Region, Shift, dynamics
 
 
 @dataclass(frozen=True)
-class StateSpaceMethod(Method):
+class StateSpaceMethod(Method[Taken, int]):
     """A method whose A comes through the one door, `steps.shift`."""
 
     order_is: ClassVar[str | None] = "states"

@@ -16,7 +16,9 @@ def trial_to_dict(trial: Trial) -> dict[str, Any]:
         "method": trial.method,
         "order": trial.order,
         "data": trial.data,
-        "estimate": None if estimate is None else estimate_to_dict(estimate, score and score.per_output),
+        "estimate": None
+        if estimate is None
+        else estimate_to_dict(estimate, None if score is None else score.per_output),
         "score": None if score is None else score_to_dict(score),
         "failure": None if failure is None else {"reason": failure.reason, "traceback": failure.traceback},
     }

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from math import lcm
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -41,7 +42,7 @@ def _inside(plant: Plant, inject: str, fraction: float) -> tuple[np.ndarray, np.
     return np.clip(0.0, low + size, high - size), size
 
 
-def _run(plant: Plant, inject: str, **options: object) -> Recording:
+def _run(plant: Plant, inject: str, **options: Any) -> Recording:
     return plant.run(small_signal(plant, inject), inject=inject, **options)
 
 
@@ -173,6 +174,7 @@ def check_finite_or_stopped(plant: Plant, inject: str) -> None:
 
 def check_bad_loops_are_refused(plant: Plant, inject: str) -> None:
     """A loop without delay, and a controller that is unstable by itself and out of the loop's reach, are refused."""
+    assert isinstance(plant, LinearPlant) and plant.feedback is not None, "only a linear plant has such a loop"
     controller, dynamics = plant.feedback.controller, plant.dynamics
     direct = replace(controller, D=np.ones_like(controller.D))
     nu, m = controller.D.shape
@@ -182,7 +184,7 @@ def check_bad_loops_are_refused(plant: Plant, inject: str) -> None:
         B=np.vstack([controller.B, np.zeros((1, m))]),
         C=np.hstack([controller.C, np.zeros((nu, 1))]),
     )
-    for changes, expected in (
+    cases: tuple[tuple[dict[str, Any], str], ...] = (
         (
             {
                 "dynamics": replace(dynamics, D=np.ones_like(dynamics.D)),
@@ -191,7 +193,8 @@ def check_bad_loops_are_refused(plant: Plant, inject: str) -> None:
             "algebraic loop",
         ),
         ({"feedback": replace(plant.feedback, controller=hidden)}, "not internally stable"),
-    ):
+    )
+    for changes, expected in cases:
         try:
             replace(plant, **changes)
         except ExciteError as error:
@@ -234,14 +237,15 @@ def response_errors(runs: Sequence[Experiment], model: StateSpaceModel, lines: n
     k = np.arange(1, N // 2)
     z = np.exp(2j * np.pi * k / N)[:, None, None]
     U, Y = (np.fft.rfft(np.array(part), axis=1)[:, k] for part in ([run.u for run in runs], [run.y for run in runs]))
-    GU = (model.frf(k / (N * runs[0].dt)) @ U[..., None])[..., 0]
+    GU = (model.frf(k / (N * runs[0].uniform_dt)) @ U[..., None])[..., 0]
     reference = np.abs(GU[:, lines - 1]).max(axis=0)
     scale = reference.max(axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     T = z * (model.C @ np.linalg.inv(z * np.eye(model.order) - model.A)) / scale[:, None]
     rest = ((Y - GU) / scale).reshape(len(runs), -1).T
     T = T.reshape(-1, model.order)
-    d = np.linalg.lstsq(*(np.concatenate([part.real, part.imag]) for part in (T, rest)))[0]
+    stacked = [np.concatenate([part.real, part.imag]) for part in (T, rest)]
+    d = np.linalg.lstsq(stacked[0], stacked[1])[0]
     rest = (rest - T @ d).T.reshape(Y.shape)[:, lines - 1]
     seen = reference / scale > VISIBLE
     return np.where(seen, np.abs(rest) / np.where(seen, reference / scale, 1.0), 0.0)

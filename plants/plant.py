@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -104,11 +104,18 @@ class Plant(ABC):
     description: str
     preset: str | None
     dt: float
-    injections: Mapping[str, Injection]
     outputs: Sequence[Channel]
     parameters: Mapping[str, Parameter]
     noise_sources: Mapping[str, Parameter]
     conformance_exceptions: Mapping[str, str] = Frozen()
+
+    if TYPE_CHECKING:  # what every plant has in one form or another
+
+        def __init__(self, *, preset: str | None = None, parameters: Mapping[str, Any] | None = None) -> None: ...
+
+        @property
+        def injections(self) -> Mapping[str, Injection]:
+            """Places of entry, the first is the default."""
 
     @abstractmethod
     def records(self, inject: str | None = None) -> Layout:

@@ -63,7 +63,7 @@ def system():
 
 @pytest.fixture(scope="session")
 def miller_31():
-    """Example 3.1 of seed 001: two lightly damped modes seen by two outputs."""
+    """Example 3.1 of Miller (2012): two lightly damped modes seen by two outputs."""
     A = la.block_diag([[0.95, 0.1], [-0.1, 0.95]], [[0.93, 0.3], [-0.3, 0.93]])
     C = [[0.4039, 0.4039, -0.0955, -0.2196], [0.2, 0.3, -0.4, 0.3]]
     return StateSpaceModel(A, [[-0.01209], [0.2429], [0], [0.4246]], C, np.zeros((2, 1)), 1.0)

@@ -1,6 +1,9 @@
-"""The arrows between the rooms, the names that must not be used, and what library code must not do."""
+"""How the house is built: arrows, circles, sizes, names that must not be used, and what library code must not do."""
 
 import ast
+import io
+import tokenize
+from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 
 import click
@@ -34,6 +37,11 @@ SCRIPTS = {"excite/files/crazyflie_player.py"}
 FORBIDDEN_MODULES = {"pickle", "dill", "joblib", "shelve", "marshal"}
 FORBIDDEN_CALLS = {"eval", "exec", "print", "input", "breakpoint"}
 LIBRARY = [path for path in SOURCES if str(path) not in SCRIPTS]
+TESTS = [path.relative_to(ROOT) for path in sorted((ROOT / "tests").rglob("*.py"))]
+MOST_LINES = 400  # of a file
+MOST_CODE = 60  # lines of a function that are neither docstring, comment nor blank
+BESIDE = {"helpers", "bench", "outside"}  # folders of tests that are no room: shared code, timings, a package of others
+LAYOUT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 
 
 def tree(path):
@@ -59,6 +67,82 @@ def test_imports_follow_the_arrows(path):
     allowed = MAY_IMPORT[path.parts[0]] | ({"scenarios"} if str(path) == "excite/__main__.py" else set())
     ours = {name for name in imported(path) if name.split(".")[0] in {*MAY_IMPORT, "tests"}}
     assert {name for name in ours if name.split(".")[0] not in allowed} == set()
+
+
+def modules_imported(path, modules):
+    """Our modules that a file imports: at its top, under TYPE_CHECKING or inside functions."""
+    for node in ast.walk(tree(path)):
+        names = [alias.name for alias in getattr(node, "names", ())]
+        if isinstance(node, ast.Import):
+            yield from modules & set(names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from modules & {node.module, *(f"{node.module}.{name}" for name in names)}
+
+
+def circle(graph):
+    """The modules of one import circle, or None."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+
+
+def test_no_modules_import_each_other_nor_in_a_longer_circle():
+    """The rule counts every import, wherever it stands: one that a function or a type checker needs ties files as well."""
+    names = {path: ".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in SOURCES}
+    modules = set(names.values())
+    assert circle({names[path]: set(modules_imported(path, modules)) - {names[path]} for path in SOURCES}) is None
+
+
+def test_a_circle_would_be_found():
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}}) and circle({"a": {"b"}, "b": {"a"}})
+    assert circle({"a": {"b", "c"}, "b": {"c"}}) is None
+
+
+@pytest.mark.parametrize("path", SOURCES + TESTS, ids=str)
+def test_files_are_short(path):
+    assert len((ROOT / path).read_text(encoding="utf-8").splitlines()) <= MOST_LINES
+
+
+def lengths(source):
+    """Name and lines of code of each function in a source."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    code = {n for token in tokens if token.type not in LAYOUT for n in range(token.start[0], token.end[0] + 1)}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            first, docstring = node.body[0], ast.get_docstring(node, clean=False)
+            said = set() if docstring is None else set(range(first.lineno, first.end_lineno + 1))
+            yield node.name, len(code.intersection(range(node.lineno, node.end_lineno + 1)) - said)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=str)
+def test_functions_are_short(path):
+    found = lengths((ROOT / path).read_text(encoding="utf-8"))
+    assert [(name, count) for name, count in found if count > MOST_CODE] == []
+
+
+def test_lines_of_code_are_counted():
+    source = (
+        'def f(\n    a,\n):\n    """Say\n\n    it."""\n    # why\n\n    b = (\n        a\n    )\n    return b  # done\n'
+    )
+    assert list(lengths(source)) == [("f", 7)]
+
+
+def test_tests_mirror_the_rooms():
+    folders = {path.parts[1] for path in TESTS if len(path.parts) > 2}
+    assert folders == {*MAY_IMPORT, *BESIDE}
+
+
+@pytest.mark.parametrize("path", [p for p in TESTS if p.parts[1] in MAY_IMPORT and p.name.startswith("test_")], ids=str)
+def test_a_rooms_tests_are_about_that_room(path):
+    """A file of tests imports from its room, or reaches it through a helper that does."""
+    helpers = {helper.stem: helper for helper in TESTS if helper.parts[1] == "helpers"}
+    seen, todo = set(), {path}
+    while todo:
+        names = set(imported(todo.pop()))
+        seen |= {name.split(".")[0] for name in names}
+        todo |= {helpers.pop(name) for name in names if name in helpers}
+    assert path.parts[1] in seen
 
 
 @pytest.mark.parametrize("path", LIBRARY, ids=str)

@@ -35,6 +35,7 @@ def test_the_wheel_holds_the_four_packages_their_data_and_the_licence(wheel):
         "scenarios",
     }
     assert "plants/quadrotor/model.xml" in names and "scenarios/library/quadrotor_prbs.toml" in names
+    assert all(f"{package}/py.typed" in names for package in ("excite", "plants", "identify", "scenarios"))
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
@@ -45,7 +46,7 @@ def test_it_works_outside_the_checkout(wheel, tmp_path):
         archive.extractall(home)
     environment = {**os.environ, "PYTHONPATH": str(home)}
     script = (
-        "import json, excite, plants, identify, scenarios; from scenarios.scenario.spec import load_scenario; "
+        "import json, excite, plants, identify, scenarios; from scenarios.scenario.reading import load_scenario; "
         "from excite import prbs; q = plants.load_plant('quadrotor'); s = load_scenario('quadrotor_prbs'); "
         "r = q.run(prbs(order=3, dt=0.02, hold=5, amplitude=2.0, channels=3)); "
         "print(json.dumps([excite.__file__, s.name, len(r.values)]))"

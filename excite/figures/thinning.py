@@ -28,8 +28,10 @@ def thin(x: np.ndarray, y: np.ndarray, points: int, log: bool = False) -> tuple[
     return x[keep], y[keep]
 
 
-def window(count: int, dt: float) -> int:
-    """Samples of a record of `count` samples that one time axis shows: WINDOW_S, FEWEST at least."""
+def window(count: int, dt: float | None) -> int:
+    """Samples of a record of `count` samples that one time axis shows: WINDOW_S, FEWEST at least; all at uneven instants."""
+    if dt is None:
+        return count
     return min(count, max(round(WINDOW_S / dt), FEWEST))
 
 

@@ -71,7 +71,7 @@ class Autopilot:
         """Return the sweep that the autopilot will play, sampled as the signal is; refuse a signal it cannot play."""
         if len(signal.channels) != 1:
             raise ExciteError(
-                f"{len(signal.channels)} channels, but {self.name} sweeps one axis a flight; export one channel"
+                f"{len(signal.channels)} channels, but {self.name} sweeps one axis per flight; export one channel"
             )
         try:
             recipe = signal.recipe or Recipe("none")
@@ -112,7 +112,7 @@ class Autopilot:
         fades = [recipe[key] for key in ("fade_in_s", "fade_out_s") if key not in self.ranges]
         if any(fades):
             raise ExciteError(f"fades of {fades} s, but {self.name} plays none; design the sweep without")
-        return values | self.extra | ({"FW_AT_SYSID_TYPE": FW_TYPES[form]} if self is PX4 else {})
+        return values | dict(self.extra) | ({"FW_AT_SYSID_TYPE": FW_TYPES[form]} if self is PX4 else {})
 
     def waveform(self, parameters: Mapping[str, float], t: np.ndarray) -> np.ndarray:
         """Return the sweep that the parameters make, of amplitude 1, at times t (N,), s."""
@@ -127,7 +127,7 @@ class Autopilot:
             cycles = f0 * np.where(tau < 0, tau, np.expm1(rate * np.maximum(tau, 0)) / rate)
         wave = np.sin(2 * np.pi * cycles)
         for key, after in (("fade_in_s", t), ("fade_out_s", end - t)):
-            if parameters.get(names.get(key), 0) > 0:
+            if key in names and parameters.get(names[key], 0) > 0:
                 wave *= 0.5 - 0.5 * np.cos(np.pi * np.clip(after / parameters[names[key]], 0, 1))
         return wave
 
@@ -220,7 +220,7 @@ PX4 = Autopilot(
     lambda name, value: f"1\t1\t{name}\t" + (f"{value:.18f}\t9" if name in PX4_FLOATS else f"{value:.0f}\t6"),
     {"FW_AT_APPLY": 0},
 )
-PX4_FLOATS = {name for name, _, _ in PX4.ranges.values()}  # MAV_PARAM_TYPE 9 is REAL32, 6 is INT32
+PX4_FLOATS: set[str] = {name for name, _, _ in PX4.ranges.values()}  # MAV_PARAM_TYPE 9 is REAL32, 6 is INT32
 
 
 def _alike(axis: Channel, channel: Channel) -> bool:

@@ -31,7 +31,8 @@ MOST_SILENCE_S = 0.25  # half of what the firmware's watchdog allows
 UNLOCK_S, RAMP_UP_S, SETTLE_S, LEVEL_S, RAMP_DOWN_S = 1.0, 2.0, 1.0, 1.0, 3.0
 LOW_BATTERY_READINGS = 5  # the voltage sags for a moment under load
 
-Clock, Sleep = Callable[[], float], Callable[[float], None]
+Clock = Callable[[], float]
+Sleep = Callable[[float], None]
 
 
 class Abort(Exception):
@@ -223,9 +224,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cf.connection_lost.add_callback(watch.link_lost)
     with SyncCrazyflie(given.uri, cf=cf):
         watched(cf, watch)
-        reason = fly(cf, PLAN, given.hover_thrust, watch)
-    print(f"cut short: {reason}" if reason else "flown", file=sys.stderr if reason else sys.stdout)
-    return 1 if reason else 0
+        cut_short = fly(cf, PLAN, given.hover_thrust, watch)
+    print(f"cut short: {cut_short}" if cut_short else "flown", file=sys.stderr if cut_short else sys.stdout)
+    return 1 if cut_short else 0
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ def write(table: Table, path: Path) -> None:
 
 
 def read(path: Path) -> Table:
-    """Return the table in an HDF5 or MAT 7.3 file: an own one exactly, a foreign one's numeric arrays by name."""
+    """Return the table in an HDF5 or MAT 7.3 file: one of excite exactly, another.s numeric arrays by name."""
     import h5py
 
     try:

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from excite.errors import ExciteError
 from excite.files.atomic import readable
 from excite.files.formats import by_extension
@@ -44,15 +46,15 @@ def load_experiment(
 ) -> Experiment:
     """Return the experiment in a data file.
 
-    Own files need nothing but the path; a recording gives its default view, or the `view` named. Elsewhere `inputs`,
+    Files of excite need nothing but the path; a recording gives its default view, or the `view` named. Elsewhere `inputs`,
     `outputs` and `reference` choose columns; without them, headers such as ``u:flap``, u, u1, y2 and r count. Chosen
-    roles keep the period, the loop and the level that an own file states.
+    roles keep the period, the loop and the level that the file states.
 
     Parameters
     ----------
     path : file of a format that `excite.files.formats.FORMATS` reads.
-    inputs, outputs, reference : columns by name or by number from 0. No inputs, given as an empty list or in an own file
-        without any, leaves outputs alone.
+    inputs, outputs, reference : columns by name or by number from 0. An empty list, or a file of excite without
+        inputs, leaves outputs alone.
     dt : sampling time, s.
     time : the time column, in s; one called time_s, t_s, time or t is found.
     view : of a recording.
@@ -81,7 +83,8 @@ def load_experiment(
         with damaged(table.place):
             found = recording.experiment(view)
         said = _agreed(path, "loop", found.loop, given_loop), _agreed(path, "level", found.level, given_level)
-        return found if said == (found.loop, found.level) else replace(found, loop=said[0], level=said[1])
+        loop, level = said[0] or found.loop, said[1] or found.level
+        return found if (loop, level) == (found.loop, found.level) else replace(found, loop=loop, level=level)
     if view is not None:
         raise ExciteError(f"{path}: view '{view}' needs a recording, without roles or dt given; drop it")
     u, y, r = choose(table, "u", inputs), choose(table, "y", outputs), choose(table, "r", reference)
@@ -112,15 +115,16 @@ def load_signal(
 ) -> Signal:
     """Return the signal in a data file: its input columns, chosen as in `load_experiment`.
 
-    Recipe and period come back from own files (from CSV, while the sidecar belongs to exactly this file).
+    Recipe and period come back from files of excite (from CSV, while the sidecar belongs to exactly this file).
     """
     table = read_table(path)
     u = choose(table, "u", inputs)
     require(table, u)
     time_s, dt = sampling(table, dt, time, u)
     if dt is None:
-        span = f"{time_s[0]:g} to {time_s[-1]:g} s"
-        raise ExciteError(f"{path}: its {len(time_s)} times from {span} are not uniform; resample it, or give dt")
+        times = np.asarray(time_s)
+        span = f"{times[0]:g} to {times[-1]:g} s"
+        raise ExciteError(f"{path}: its {len(times)} times from {span} are not uniform; resample it, or give dt")
     with damaged(table.place):
         recipe = table.meta.get("recipe") if inputs is None else None
         recipe = None if recipe is None else Recipe.from_dict(recipe)
@@ -136,7 +140,7 @@ def load_recording(path: str | os.PathLike) -> Recording:
 
 
 def _stated(table: Table, key: str, read: Callable[[Mapping], State]) -> State | None:
-    """Return what an own file's meta states of its loop or its level, None where it states nothing."""
+    """Return what a file.s meta states of its loop or its level, None where it states nothing."""
     with damaged(table.place):
         return None if table.meta.get(key) is None else read(table.meta[key])
 

@@ -27,10 +27,11 @@ def write(table: Table, path: Path) -> None:
     arrays = {variable: table.group(role) for role, variable in GROUPS.items()}
     arrays = {variable: values for variable, values in arrays.items() if values.size}
     if table.meta.get("kind") == "signal":
-        arrays["u"] = np.hstack([time, arrays["u"]])
+        arrays["u"] = np.hstack([time, table.group("u")])
     if table.meta.get("dt") is not None:
         arrays["dt"] = np.array([[table.meta["dt"]]])
-    arrays |= {
+    held: dict[str, object] = {
+        **arrays,
         "time_s": time,
         "names": np.array(table.names, dtype=object)[:, None],
         "columns": json.dumps(table.names),
@@ -38,13 +39,13 @@ def write(table: Table, path: Path) -> None:
     }
     with written(path) as temporary, open(temporary, "wb") as stream:
         try:
-            scipy.io.savemat(stream, arrays, do_compression=True)
+            scipy.io.savemat(stream, held, do_compression=True)
         except scipy.io.matlab.MatWriteError as error:
             raise ExciteError(f"{path}: too large for MAT version 5 ({error}); write .npz or .h5") from error
 
 
 def read(path: Path) -> Table:
-    """Return the table in a .mat file of version 4, 5 or 7.3: an own one exactly, a foreign one's numeric arrays by name."""
+    """Return the table in a .mat file of version 4, 5 or 7.3: one of excite exactly, another.s numeric arrays by name."""
     import scipy.io
 
     try:

@@ -19,7 +19,8 @@ from excite.models.polynomial import PolynomialModel
 from excite.models.state_space import ContinuousModel, StateSpaceModel
 
 # kind in the file -> the class whose fields the file holds
-KINDS: dict[str, type[Model]] = {
+Kind = StateSpaceModel | PolynomialModel | FirModel | FosterModel | FrequencyResponse | ContinuousModel
+KINDS: dict[str, type[Kind]] = {
     "state_space": StateSpaceModel,
     "polynomial": PolynomialModel,
     "fir": FirModel,

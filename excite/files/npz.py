@@ -1,4 +1,4 @@
-"""NumPy archives: own files bit for bit, foreign ones as named arrays. Never pickled objects."""
+"""NumPy archives: files of excite bit for bit, others as named arrays. Never pickled objects."""
 
 import json
 import zipfile
@@ -20,7 +20,7 @@ def write(table: Table, path: Path) -> None:
     arrays = {variable: table.group(role) for role, variable in GROUPS.items()}
     arrays = {variable: values for variable, values in arrays.items() if values.size}
     if table.meta.get("dt") is not None:
-        arrays["dt"] = np.float64(table.meta["dt"])
+        arrays["dt"] = np.array(table.meta["dt"], np.float64)
     with written(path) as temporary, open(temporary, "wb") as stream:
         np.savez(
             stream,
@@ -33,7 +33,7 @@ def write(table: Table, path: Path) -> None:
 
 
 def read(path: Path) -> Table:
-    """Return the table in an .npz file: an own one exactly, a foreign one's arrays by name."""
+    """Return the table in an .npz file: one of excite exactly, another.s arrays by name."""
     try:
         if not zipfile.is_zipfile(readable(path)):
             raise ExciteError(f"{path}: is not an .npz archive; write it with numpy.savez")

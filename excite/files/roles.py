@@ -47,7 +47,7 @@ def choose(table: Table, role: str, given: Columns | None) -> list[int]:
 
 
 def marked(table: Table, role: str) -> list[int]:
-    """Return the columns whose header states the role, as own files do (``y:acceleration [m/s2]``)."""
+    """Return the columns whose header states the role, as excite writes them (``y:acceleration [m/s2]``)."""
     return [i for i, name in enumerate(table.names) if (match := ROLE.fullmatch(name)) and match[1] == role]
 
 

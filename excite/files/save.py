@@ -53,6 +53,7 @@ def _write(
     data: Signal | Experiment | Recording, given: Format, path: Path, certificate: Mapping | None = None
 ) -> tuple[Path, ...]:
     """Write one or, where a file holds one channel, several files; return their paths."""
+    assert given.write is not None  # `export` has refused formats that are only read
     if given.quantise is None:
         given.write(to_table(data, certificate), path)
         return (path,)
@@ -72,7 +73,7 @@ def _write(
     for i, file in enumerate(paths):
         part = replace(played, u=played.u[:, [i]], channels=(played.channels[i],))
         table = to_table(part, certify(part, block_rows).to_dict())
-        given.write(replace(table, meta=plain(table.meta | together, "meta")), file)
+        given.write(replace(table, meta=plain({**table.meta, **together}, "meta")), file)
     return paths
 
 

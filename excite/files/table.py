@@ -19,7 +19,7 @@ CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 class Table:
     """Columns side by side, as one file holds them.
 
-    names : c column headers, "" where the file gives none; own files write ``time_s`` and ``u:flap [deg]``, the role
+    names : c column headers, "" where the file has none; excite writes ``time_s`` and ``u:flap [deg]``, the role
     before the colon (u input, y output, r reference, c any other channel); values : (N, c) float64, NaN = missing;
     place : the file, for messages; meta : what else the file says (dt, period, recipe, …); skipped : variables that are
     no columns, and why.

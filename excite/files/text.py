@@ -90,7 +90,7 @@ def _is_number(cell: str) -> bool:
     """Whether a cell is a number or missing."""
     cell = cell.strip().replace(",", ".")
     try:
-        return not cell or ("_" not in cell and np.isreal(float(cell)))
+        return not cell or ("_" not in cell and bool(np.isreal(float(cell))))
     except ValueError:
         return False
 

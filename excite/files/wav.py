@@ -37,7 +37,7 @@ def quantise(signal: Signal) -> Signal:
     if channels > MOST_CHANNELS or 3 * signal.u.size > MOST_BYTES:
         raise ExciteError(
             f"{samples} samples of {channels} channels; a WAV file holds {MOST_CHANNELS} channels and {MOST_BYTES} bytes, "
-            "3 a sample: export fewer, or hdf5"
+            "3 per sample: export fewer, or hdf5"
         )
     return quantised(signal, TOP)
 

@@ -44,8 +44,8 @@ def side_by_side(
         raise check.bad(f"signals[{short[0]}]", lengths[short[0]], found)
     trims = check.offsets("trim", trim, count)
     if channels is None:
-        channels = [c for s in signals for c in s.channels]
-        names = [c.name for c in channels]
+        own = [c for s in signals for c in s.channels]
+        channels, names = own, [c.name for c in own]
         if len(set(names)) < count:
             raise check.bad("channels", names, "some names meet twice; give channels, a name for each, or their count")
     named = check.channels(channels)
@@ -58,7 +58,8 @@ def side_by_side(
     for s in signals:
         u[: len(s.u), column : column + s.u.shape[1]] = s.u
         column += s.u.shape[1]
-    period = None if short or any(s.period is None for s in signals) else lcm(*(s.period for s in signals))
+    periods = [s.period for s in signals if s.period is not None]
+    period = None if short or len(periods) < len(signals) else lcm(*periods)
     warnings = [
         f"signals[{i}] ends after {lengths[i]} samples and rests at trim for {longest - lengths[i]}" for i in short
     ]

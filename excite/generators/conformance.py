@@ -17,7 +17,7 @@ from excite.types.recipe import Recipe
 from excite.types.signal import Signal
 
 Example = Mapping[str, Any]
-JUNK = (float("nan"), float("inf"), -1.0, "no such thing", [], {}, True, object())
+JUNK: tuple[Any, ...] = (float("nan"), float("inf"), -1.0, "no such thing", [], {}, True, object())
 MUST_REFUSE = {"dt": (0, -1.0, float("nan"), "fast", None), "channels": (0, -1, [], ["a", "a"]), "seed": (-1, 0.5, "x")}
 
 
@@ -36,11 +36,12 @@ def check_recipe_regenerates(generator: Generator, example: Example) -> None:
     """The recipe gives the same bits again, also when it has been through a file."""
     for channels in (1, 2):
         signal = generator(**{**example, "channels": channels, "seed": 3})
+        assert signal.recipe is not None, "a generated signal has a recipe"
         written = json.loads(json.dumps(signal.recipe.to_dict()))
         for recipe in (signal.recipe, written):
             again = regenerate(recipe, generator)
             assert again.u.tobytes() == signal.u.tobytes() and again.period == signal.period
-            assert again.recipe.to_dict() == signal.recipe.to_dict()
+            assert again.recipe is not None and again.recipe.to_dict() == signal.recipe.to_dict()
 
 
 def check_seed(generator: Generator, example: Example) -> None:

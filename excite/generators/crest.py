@@ -230,19 +230,19 @@ def optimise(
     """
     began = perf_counter()
     deadline = began + (np.inf if time_limit_s is None else time_limit_s)
-    if starts is None:
-        starts = default_starts(lines) if time_limit_s is None else np.inf
+    asked = starts if starts is not None else default_starts(lines) if time_limit_s is None else np.inf
     rows = np.atleast_2d(weights).shape[0]
     rng, count = np.random.default_rng(seed), len(lines)
     batch = max(1, min(16, 800 // (count * rows)))
     pool = schroeder(lines, np.abs(np.atleast_2d(weights)[0]))[None]  # what a time limit of no time returns
     values, made, rounds, took = crest_factor(lines, weights, pool, POLISH_GRID).max(1), 0, 0, 0.0
     unpolished = np.inf  # only what is near the best before polishing is worth the linear programs
-    while made < starts and (not rounds or perf_counter() + took / 2 < deadline):
-        round_began, size = perf_counter(), int(min(batch, starts - made))
+    while made < asked and (not rounds or perf_counter() + took / 2 < deadline):
+        round_began, size = perf_counter(), int(min(batch, asked - made))
         hop = rounds % 2 == 1 or (rounds == 0 and initial is not None)
         if hop:
-            parents = np.atleast_2d(initial) if rounds == 0 else pool[values < 1.03 * values[0]]
+            near = pool[values < 1.03 * values[0]]
+            parents = np.atleast_2d(initial) if rounds == 0 and initial is not None else near
             phases = parents[rng.integers(len(parents), size=size)]
             phases = phases + rng.uniform(0.2, 1.5, (size, 1)) * rng.standard_normal((size, count))
             if rounds == 0:

@@ -159,7 +159,7 @@ def _by_rule(
     """Return the phases (channels, F) of a rule, or those given."""
     if not isinstance(phases, str):
         return _explicit_phases(phases, plays)
-    rule = RULES.get(check.choice("phases", phases, PHASES))
+    rule = RULES[check.choice("phases", phases, PHASES)]
     table = np.zeros(plays.shape)
     for c, mine in enumerate(plays):
         table[c, mine] = rule(tones.lines[mine], tones.shape[mine], streams[c])
@@ -176,7 +176,9 @@ def _explicit_phases(phases: Sequence, plays: np.ndarray) -> np.ndarray:
         given = given * len(plays)
     if [p.shape for p in given] != [(n,) for n in counts]:
         got = ", ".join(str(p.size) for p in given)
-        raise check.bad("phases", f"{got} numbers", f"give one a line: {', '.join(map(str, counts))} for each channel")
+        raise check.bad(
+            "phases", f"{got} numbers", f"give one per line: {', '.join(map(str, counts))} for each channel"
+        )
     for c, mine in enumerate(plays):
         table[c, mine] = given[c]
     return table

@@ -13,7 +13,7 @@ def figures(
 ) -> dict[str, list]:
     """Return the figures of every channel, the worst of its experiments, and of every output of the model."""
     keys = ("crest_factor", "crest_factor_bound", "peak_bound", "relative_peak_factor", "chirp_likeness")
-    report = {key: [] for key in (*keys, "output_crest_factor")}
+    report: dict[str, list] = {key: [] for key in (*keys, "output_crest_factor")}
     turns = frame.rotations
     for l, a, phi in zip(lines, amplitudes, phases, strict=True):
         bound = max(crest.crest_bound(l, a * turn, phi)[0] for turn in turns)

@@ -1,6 +1,7 @@
 """Multisines: sums of sines on chosen lines, with a small crest factor and several orthogonal inputs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def multisine(
     spacing : which lines of the band: "full" (all), "odd", "odd-odd" (1, 5, 9, …), "odd-random" (odd, one in every group of
         four left out at random for detection of nonlinear distortion), or "log" (`count` logarithmically spaced lines,
         rounded to distinct whole numbers).
-    count : lines of the "log" spacing, default ten a decade; lines that round to the same number count once.
+    count : lines of the "log" spacing, default ten per decade; lines that round to the same number count once.
     lines : line numbers, increasing, instead of `band_hz`; or one such list per channel for an interleaved allocation.
     spectrum : relative amplitudes of the lines: one number per line (in order of frequency), a function of f_hz (F,), or
         breakpoints ``[(f_hz, amplitude), …]``, linear between them and constant beyond. None: equal amplitudes.
@@ -71,6 +72,7 @@ def multisine(
     phases : "optimal" (smallest crest factor), "schroeder", "newman" or "random", or given in rad: one number per line, or
         one list per channel.
     channels : their count, or their names with units.
+    orthogonal : "interleaved", "dft" or "hadamard", how several channels are told apart.
     periods : whole periods to play, of every experiment.
     zero_start : move the waveform in time so that the first sample is zero; being periodic, it is back at zero one sample
         after the last, where rest may follow. The continuous crest factor is unchanged.
@@ -103,7 +105,7 @@ def multisine(
     sections 2.7 and 5.2 (orthogonal multisines); Morelli, J. Aircraft 49, 2012 (interleaved lines, relative peak factor).
     """
     frame = _frame(dt, period_s, periods, channels, amplitude, orthogonal, zero_start, model, seed)
-    wanted = {"band_hz": band_hz, "spacing": spacing, "count": count, "lines": lines}
+    wanted: dict[str, Any] = {"band_hz": band_hz, "spacing": spacing, "count": count, "lines": lines}
     tones = chosen_tones(frame.dt, frame.size, len(frame.channels), orthogonal, frame.streams[0], spectrum, **wanted)
     effort = {"crest_target": crest_target, **_effort(crest_target, starts, time_limit_s)}
     if decided is None:
@@ -186,7 +188,7 @@ def _play(frame: Frame, lines: list[np.ndarray], amplitudes: list[np.ndarray], p
 
 
 def _checked(decided: object, channels: int, size: int) -> tuple[list, list, list]:
-    """Return lines, amplitudes and phases, one array a channel."""
+    """Return lines, amplitudes and phases, one array per channel."""
     keys = ("lines", "line_amplitudes", "phases")
     remedy = "pass the entry 'decided' of a recipe unchanged, or leave it out"
     if not isinstance(decided, Mapping) or not {*keys, "starts", "seconds"} <= decided.keys():

@@ -43,7 +43,7 @@ def multistep(
     - pulse: +1 for one unit, then rest.
     - doublet: +1, -1, one unit each, then rest; its mean is zero.
     - 3-2-1-1: +1 for three units, -1 for two, +1 for one, -1 for one, then rest.
-    - staircase: up to +1 in `steps` equal steps and down again, one unit a level, then rest.
+    - staircase: up to +1 in `steps` equal steps and down again, one unit per level, then rest.
 
     Levels are fractions of the amplitude, about the offset. The spectrum of a doublet peaks near 0.37 / unit_s; a 3-2-1-1
     is the wider of the two.

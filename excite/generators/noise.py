@@ -164,7 +164,7 @@ def _checked(
 
 def _play(plan: _Plan) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return u (N, channels), and rms and peak of each channel about its offset."""
-    form, size = FORMS[plan.form], plan.own.get("rms", plan.own.get("amplitude"))
+    form, size = FORMS[plan.form], plan.own["rms" if "rms" in plan.own else "amplitude"]
     hold = plan.own.get("hold", 1)
     chips = -(-plan.length // hold)
     u = np.empty((plan.length * plan.repeats, len(plan.channels)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -139,7 +140,7 @@ class Parameters:
             size = f"{samples} samples x {count} channels exceed {MAX_VALUES} values ({MAX_VALUES * 8 / 1e9:g} GB)"
             raise self.bad(name, value, f"{size}; {remedy}")
 
-    def fill(self, form: str, used: Mapping[str, object], given: Mapping[str, object]) -> dict[str, object]:
+    def fill(self, form: str, used: Mapping[str, object], given: Mapping[str, object]) -> dict[str, Any]:
         """Return the values of a form's parameters: those given, else the defaults of `used` (...: required).
 
         A value given for a parameter that the form does not use is refused, not ignored.

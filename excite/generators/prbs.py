@@ -320,7 +320,7 @@ def _tap_sets(order: int, taps: object, count: int, decorrelate: str) -> list[tu
     return sets
 
 
-def _primitive(order: int, taps: object) -> tuple[int, ...]:
+def _primitive(order: int, taps: Any) -> tuple[int, ...]:
     whole = isinstance(taps, Sequence) and all(map(is_whole, taps))
     if not (whole and taps and len(set(taps)) == len(taps) and all(0 < t < order for t in taps)):
         raise check.bad("taps", taps, f"give different whole numbers from 1 to {order - 1} for order {order}")
@@ -358,7 +358,7 @@ def _clock_warning(highest_hz: float | None, dt: float) -> list[str]:
         return []
     ratio = 1 / (highest_hz * dt)
     return [
-        f"the clock, {1 / dt:g} Hz at one sample a chip, is only {ratio:.3g} x highest_hz; sample faster to reach {CLOCK}"
+        f"the clock, {1 / dt:g} Hz at one sample per chip, is only {ratio:.3g} x highest_hz; sample faster to reach {CLOCK}"
     ]
 
 

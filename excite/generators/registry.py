@@ -93,8 +93,8 @@ def _maker(kind: str) -> Generator:
     raise ExciteError(f"recipe: kind: '{kind}'; {did_you_mean(kind, [*GENERATORS, *COMPOSITIONS])}")
 
 
-def _parts(recipes: Recipe | Sequence[Recipe] | None, place: str) -> Signal | list[Signal]:
-    if isinstance(recipes, (list, tuple)):
+def _parts(recipes: Recipe | Sequence[Recipe] | None, place: str) -> Signal | list:
+    if isinstance(recipes, Sequence):
         return [_parts(recipe, f"{place}[{i}]") for i, recipe in enumerate(recipes)]
     if recipes is None:
         raise ExciteError(f"{place}: this part was not made by a generator; design it again")

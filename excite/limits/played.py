@@ -70,9 +70,10 @@ def refuse_rounded_excess(signal: Signal, limits: Limits | None, fmt: str) -> No
     ------
     DesignRefused naming the limits that the rounded signal exceeds.
     """
-    if limits is None or limits.bits is not None or fmt not in FORMATS or FORMATS[fmt].quantise is None:
+    quantise = FORMATS[fmt].quantise if fmt in FORMATS else None
+    if limits is None or limits.bits is not None or quantise is None:
         return
-    report = check(FORMATS[fmt].quantise(signal), limits)
+    report = check(quantise(signal), limits)
     if not report.ok:
         raise DesignRefused(
             f"as {fmt} rounds it, {'; '.join(map(str, report.exceeded))}; lower that limit by as much, or give bits"

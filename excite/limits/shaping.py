@@ -111,7 +111,7 @@ def _bounds(signal: Signal, limits: Limits) -> tuple[Bounds, tuple[np.ndarray, n
     names = [c.name for c in signal.channels]
     low, high = limits.bounds(signal)
     move, levels = limits.largest_move(signal), limits.levels(signal)
-    if levels is not None:
+    if levels is not None and limits.bits is not None:
         base, step = levels
         first = np.ceil((np.maximum(low, base) - base) / step - ROUNDING)
         last = np.floor((np.minimum(high, base + step * (2**limits.bits - 1)) - base) / step + ROUNDING)
@@ -150,10 +150,11 @@ def _bounds(signal: Signal, limits: Limits) -> tuple[Bounds, tuple[np.ndarray, n
 def _free_values(signal: Signal, hold: int) -> tuple[np.ndarray, bool]:
     """Which free value each sample plays, (N,), and whether whole periods repeat them."""
     N, M = len(signal.u), signal.period
-    repeats = M is not None and N % M == 0 and M % hold == 0
-    if repeats and N > M:
-        repeats = bool((np.abs(signal.u[M:] - signal.u[:-M]) <= ROUNDING * np.abs(signal.u).max()).all())
-    return (np.arange(N) % M if repeats else np.arange(N)) // hold, repeats
+    if M is None or N % M or M % hold:
+        return np.arange(N) // hold, False
+    if N > M and (np.abs(signal.u[M:] - signal.u[:-M]) > ROUNDING * np.abs(signal.u).max()).any():
+        return np.arange(N) // hold, False
+    return np.arange(N) % M // hold, True
 
 
 def _through_actuator(signal: Signal, limits: Limits, index: np.ndarray, budget: float) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The arrays that models hold: checked once, float64 or complex128, read-only."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from excite.errors import ExciteError
 
@@ -37,11 +38,11 @@ def _words(shape: tuple[int | None, ...]) -> str:
     return str(shape).replace("None", "N")
 
 
-def offset(value: object, size: int, place: str) -> np.ndarray:
+def offset(value: ArrayLike | None, size: int, place: str) -> np.ndarray:
     """Return an operating point (size,), zero where None is given."""
     return finite(np.zeros(size) if value is None else np.ravel(value), (size,), place)
 
 
-def covariance(value: object, size: int, place: str) -> np.ndarray | None:
+def covariance(value: ArrayLike | None, size: int, place: str) -> np.ndarray | None:
     """Return a covariance (size, size), or None."""
     return None if value is None else finite(np.atleast_2d(value), (size, size), place)

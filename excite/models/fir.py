@@ -1,6 +1,5 @@
 """Finite impulse responses."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,7 +10,8 @@ from excite.models.arrays import covariance, finite, offset
 from excite.models.model import Parametric
 from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import fir
-from excite.types.channel import Channel, channels_for, positive
+from excite.types.channel import Channels, channels_for, positive
+from excite.types.checked import NOT_GIVEN, ArrayByDefault, OptionalArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class FirModel(Parametric):
 
     h: np.ndarray
     dt: float
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    covariance: np.ndarray | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    covariance: OptionalArray = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
 
     def __post_init__(self) -> None:
         h = finite(self.h, (None, None, None), "FirModel.h")
@@ -85,9 +85,8 @@ class FirModel(Parametric):
         """Return the shift register of past inputs, (count - 1) nu states, exact."""
         (_, ny, nu), n = self.h.shape, self.order
         C = self.h[1:].transpose(1, 0, 2).reshape(ny, n)
-        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
-        names = {"inputs": self.inputs, "outputs": self.outputs}
-        return StateSpaceModel(np.eye(n, k=-nu), np.eye(n, nu), C, self.h[0], self.dt, **names, **offsets)
+        A, B, offsets = np.eye(n, k=-nu), np.eye(n, nu), (self.input_offset, self.output_offset)
+        return StateSpaceModel(A, B, C, self.h[0], self.dt, None, None, self.inputs, self.outputs, *offsets)
 
     def theta(self) -> np.ndarray:
         """Return the taps h (p,), lag by lag, each row by row."""

@@ -1,6 +1,5 @@
 """Foster models: sums of first-order lags in continuous time, the language of thermal impedances."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -12,7 +11,8 @@ from excite.models.continuous import instants, sampling_time
 from excite.models.model import Parametric, Record
 from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import recurrence
-from excite.types.channel import Channel, channels_for
+from excite.types.channel import Channels, channels_for
+from excite.types.checked import NOT_GIVEN, ArrayByDefault
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +40,10 @@ class FosterModel(Parametric):
 
     R: np.ndarray
     tau: np.ndarray
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
 
     def __post_init__(self) -> None:
         tau = finite(self.tau, (None,), "FosterModel.tau")
@@ -112,9 +112,8 @@ class FosterModel(Parametric):
         A = np.diag(np.repeat(np.exp(-dt / self.tau), nu))
         B = np.kron(-np.expm1(-dt / self.tau)[:, None], np.eye(nu))
         C = self.R.transpose(1, 0, 2).reshape(ny, self.order)
-        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
-        names = {"inputs": self.inputs, "outputs": self.outputs}
-        return StateSpaceModel(A, B, C, np.zeros((ny, nu)), dt, **names, **offsets)
+        offsets = self.input_offset, self.output_offset
+        return StateSpaceModel(A, B, C, np.zeros((ny, nu)), dt, None, None, self.inputs, self.outputs, *offsets)
 
     def theta(self) -> np.ndarray:
         """Return R, row by row, and the natural logarithms of tau: any theta is a model, and scales do not matter."""

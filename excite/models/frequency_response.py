@@ -1,14 +1,15 @@
 """Frequency responses that are known at frequencies: a model and data at once."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from excite.errors import ExciteError
 from excite.models.arrays import finite, read_only
 from excite.models.model import Model
-from excite.types.channel import Channel, channels_for, positive
+from excite.types.channel import Channels, channels_for, positive
+from excite.types.checked import NOT_GIVEN, OptionalArray
 
 EDGE = 1e-9  # relative distance by which a frequency may lie outside the band, for rounding
 
@@ -36,10 +37,10 @@ class FrequencyResponse(Model):
     f_hz: np.ndarray
     values: np.ndarray
     dt: float | None = None
-    covariance: np.ndarray | None = None
-    coherence: np.ndarray | None = None
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
+    covariance: OptionalArray = NOT_GIVEN
+    coherence: OptionalArray = NOT_GIVEN
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
 
     def __post_init__(self) -> None:
         f = finite(self.f_hz, (None,), "FrequencyResponse.f_hz")
@@ -113,7 +114,7 @@ class FrequencyResponse(Model):
         return replace(self, f_hz=self.f_hz[keep], values=self.values[keep], **more)
 
 
-def _covariance(value: object, shape: tuple[int, int, int]) -> np.ndarray | None:
+def _covariance(value: ArrayLike | None, shape: tuple[int, int, int]) -> np.ndarray | None:
     """Return a covariance (F, m, m), from one or from variances (F, ny, nu)."""
     if value is None:
         return None

@@ -1,23 +1,32 @@
 """What a model can do is its type: Model < Dynamic < Predictor, and Parametric beside them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any, Protocol, Self
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
 from excite.errors import ExciteError
 from excite.models.arrays import read_only
-from excite.types.channel import Channel
+from excite.types.channel import Channels
+from excite.types.checked import OptionalArray
 from excite.types.frozen import ReadOnlyArrays
 
 
 class Record(Protocol):
     """What a model needs of a record: an Experiment, or anything with inputs u (N, nu), outputs y (N, ny), time_s (N,)."""
 
-    u: np.ndarray
-    y: np.ndarray
-    time_s: np.ndarray
+    @property
+    def u(self) -> np.ndarray:
+        """Inputs (N, nu)."""
+
+    @property
+    def y(self) -> np.ndarray:
+        """Outputs (N, ny)."""
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Instants (N,), s."""
 
 
 class Model(ReadOnlyArrays, ABC):
@@ -26,15 +35,20 @@ class Model(ReadOnlyArrays, ABC):
     dt : sampling time in s, None in continuous time.
     """
 
-    dt: float | None
-    inputs: tuple[Channel, ...]
-    outputs: tuple[Channel, ...]
+    inputs: Channels
+    outputs: Channels
+
+    if TYPE_CHECKING:  # a field or a property of each model
+
+        @property
+        def dt(self) -> float | None:
+            """Sampling time in s, None in continuous time."""
 
     @abstractmethod
     def frf(self, f_hz: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu), complex, at f_hz (F,)."""
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Take over a pickled or copied state, its arrays read-only as they were."""
         for value in state.values():
             if isinstance(value, np.ndarray):
@@ -75,7 +89,7 @@ class Predictor(Dynamic):
     innovation_cov : covariance of e (ny, ny), or None where it is not known.
     """
 
-    innovation_cov: np.ndarray | None
+    innovation_cov: OptionalArray
 
     @property
     def predicts(self) -> bool:
@@ -117,6 +131,11 @@ def check_horizons(horizons: Sequence[int]) -> None:
 
 class Parametric(Dynamic):
     """A model with a vector of parameters, of which it is a smooth function."""
+
+    @property
+    @abstractmethod
+    def order(self) -> int:
+        """Number of states of `to_state_space`, entries of x0."""
 
     @abstractmethod
     def theta(self) -> np.ndarray:

@@ -12,7 +12,8 @@ from excite.models.arrays import covariance, finite, offset, read_only
 from excite.models.model import Parametric, Predictor, Record, check_horizons
 from excite.models.state_space import StateSpaceModel, poles_of
 from excite.numerics.simulate import divide, fir, rational
-from excite.types.channel import Channel, channels_for, positive
+from excite.types.channel import Channels, channels_for, positive
+from excite.types.checked import NOT_GIVEN, ArrayByDefault, OptionalArray
 
 COEFFICIENTS = {"a": 1, "b": 0, "c": 1, "d": 1, "f": 1}  # lag of the first coefficient that is not fixed at one
 
@@ -60,15 +61,15 @@ class PolynomialModel(Predictor, Parametric):
     a: np.ndarray
     b: np.ndarray
     dt: float
-    innovation_cov: np.ndarray | None = None
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    c: np.ndarray | None = None
-    d: np.ndarray | None = None
-    f: np.ndarray | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
-    free: np.ndarray | None = None
+    innovation_cov: OptionalArray = NOT_GIVEN
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    c: ArrayByDefault = NOT_GIVEN
+    d: ArrayByDefault = NOT_GIVEN
+    f: ArrayByDefault = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
+    free: OptionalArray = NOT_GIVEN
 
     def __post_init__(self) -> None:
         def put(key: str, value: object) -> None:
@@ -144,8 +145,10 @@ class PolynomialModel(Predictor, Parametric):
         """Noise-free response (N, ny) to u (N, nu) from the state x0."""
         x = self._state(x0)
         w = self._right_side(u - self.input_offset, x)
-        for branch in self.noise_filters if x is not None else ():
-            w[:, branch.row] += rational(branch.numerator, branch.denominator, np.zeros(len(w)), x[branch.states])[0]
+        if x is not None:
+            still = np.zeros(len(w))
+            for branch in self.noise_filters:
+                w[:, branch.row] += rational(branch.numerator, branch.denominator, still, x[branch.states])[0]
         return divide(self.a, w) + self.output_offset
 
     def innovations(self, record: Record, x0: np.ndarray | None = None) -> np.ndarray:
@@ -153,7 +156,7 @@ class PolynomialModel(Predictor, Parametric):
         x = self._state(x0)
         e = fir(self.a, record.y - self.output_offset) - self._right_side(record.u - self.input_offset, x)
         filters = {branch.row: branch for branch in self.noise_filters}
-        for i in np.flatnonzero(not_one(self.c) | not_one(self.d)):
+        for i in np.flatnonzero(not_one(self.c) | not_one(self.d)).tolist():
             if i in filters:
                 state = None if x is None else -x[filters[i].states]
                 e[:, i] = rational(filters[i].denominator, filters[i].numerator, e[:, i], state)[0]
@@ -263,9 +266,8 @@ class PolynomialModel(Predictor, Parametric):
         A[:held] -= a @ C  # y of the right side, in the states and inputs that make it up
         B[:held] -= a @ self.b[0]
         K[:held] -= a
-        more = {"innovation_cov": self.innovation_cov, "inputs": self.inputs, "outputs": self.outputs}
-        offsets = {"input_offset": self.input_offset, "output_offset": self.output_offset}
-        return StateSpaceModel(A, B, C, self.b[0], self.dt, K=K, **more, **offsets)
+        noise, offsets = (K, self.innovation_cov), (self.input_offset, self.output_offset)
+        return StateSpaceModel(A, B, C, self.b[0], self.dt, *noise, self.inputs, self.outputs, *offsets)
 
     # ------------------------------------------------------------------------------------------------ parameters
     def coefficients(self) -> np.ndarray:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import scipy.linalg as la
@@ -15,7 +15,8 @@ from excite.models.model import Dynamic, Parametric, Predictor, Record, check_ho
 from excite.models.modes import Mode, modal_basis, modes_of
 from excite.numerics.kalman import kalman_gain
 from excite.numerics.simulate import fir, markov, observability, simulate, states
-from excite.types.channel import Channel, channels_for, positive
+from excite.types.channel import Channels, channels_for, positive
+from excite.types.checked import NOT_GIVEN, ArrayByDefault, OptionalArray
 
 if TYPE_CHECKING:
     import control
@@ -36,12 +37,12 @@ class StateSpaceModel(Predictor, Parametric):
     C: np.ndarray
     D: np.ndarray
     dt: float
-    K: np.ndarray | None = None
-    innovation_cov: np.ndarray | None = None
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
+    K: OptionalArray = NOT_GIVEN
+    innovation_cov: OptionalArray = NOT_GIVEN
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
 
     def __post_init__(self) -> None:
         n = len(np.atleast_2d(self.A)) if np.size(self.A) else 0
@@ -152,7 +153,8 @@ class StateSpaceModel(Predictor, Parametric):
         ends = np.cumsum([getattr(self, key).size for key in keys])
         theta = finite(theta, (int(ends[-1]),), "StateSpaceModel.at: theta")
         blocks = np.split(theta, ends[:-1])
-        return replace(self, **{k: v.reshape(getattr(self, k).shape) for k, v in zip(keys, blocks, strict=True)})
+        held: dict[str, Any] = {k: v.reshape(getattr(self, k).shape) for k, v in zip(keys, blocks, strict=True)}
+        return replace(self, **held)
 
     def to_state_space(self) -> "StateSpaceModel":
         """Return this model."""
@@ -256,10 +258,10 @@ class ContinuousModel(Dynamic):
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    input_offset: np.ndarray | None = None
-    output_offset: np.ndarray | None = None
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    input_offset: ArrayByDefault = NOT_GIVEN
+    output_offset: ArrayByDefault = NOT_GIVEN
 
     def __post_init__(self) -> None:
         n = len(np.atleast_2d(self.A)) if np.size(self.A) else 0

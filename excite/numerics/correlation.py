@@ -1,4 +1,4 @@
-"""Lagged products of long records, by FFT over blocks of samples: one transform a channel and block."""
+"""Lagged products of long records, by FFT over blocks of samples: one transform per channel and block."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -42,7 +42,10 @@ class Correlation:
     linear: np.ndarray
 
 
-def correlate(segments: Sequence[np.ndarray | Joint], reach: int) -> Correlation:
+Segment = np.ndarray | Joint
+
+
+def correlate(segments: Sequence[Segment], reach: int) -> Correlation:
     """Correlate segments (N_i, c) over lags 0 to `reach`.
 
     Circular products pair the end of a block with its own beginning, where linear ones pair it with that of the next:
@@ -50,7 +53,7 @@ def correlate(segments: Sequence[np.ndarray | Joint], reach: int) -> Correlation
     """
     size = _block_length(segments, reach)
     seam = next_fast_len(max(1, 2 * reach), real=True)
-    within, across = 0.0, 0.0
+    within = across = np.zeros(())  # takes the shape of what is added
     for w in segments:
         end = np.zeros((w.shape[1], 1, reach))
         for X in channel_blocks(w, size):
@@ -99,6 +102,6 @@ def blocks_at_once(channels: int, size: int) -> int:
     return max(CHUNK_BLOCKS, CHUNK_VALUES // (channels * size))
 
 
-def _block_length(segments: Sequence[np.ndarray | Joint], reach: int) -> int:
+def _block_length(segments: Sequence[Segment], reach: int) -> int:
     """Samples a block: what suits the FFT, with few seams of `reach` samples, and no longer than the data."""
     return next_fast_len(max(reach, min(max(map(len, segments)), max(BLOCK, 8 * reach))), real=True)

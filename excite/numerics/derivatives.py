@@ -14,7 +14,7 @@ from excite.errors import ExciteError
 from excite.models.fir import FirModel
 from excite.models.foster import FosterModel
 from excite.models.model import Parametric, Record
-from excite.models.polynomial import COEFFICIENTS, PolynomialModel
+from excite.models.polynomial import COEFFICIENTS, Branch, PolynomialModel
 from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import BLOCK, observability, rational, recurrence, states
 
@@ -87,8 +87,7 @@ def _(model: StateSpaceModel, record: Record, x0: np.ndarray | None = None, init
         if initial:
             J.append(observability(A, free, len(y)).transpose(1, 0, 2))
             free = free @ np.linalg.matrix_power(A, len(y))
-        J = np.concatenate(J, axis=2)
-        yield Block(start, e, tuple((columns, each) for each in J))
+        yield Block(start, e, tuple((columns, each) for each in np.concatenate(J, axis=2)))
         x = A @ X[-1] + B @ np.concatenate([u[-1], y[-1]])
 
 
@@ -193,7 +192,9 @@ def _lagged(model: PolynomialModel, x0: np.ndarray | None, initial: bool) -> lis
     """Return for each output what moves it."""
     ny = len(model.outputs)
     groups: list[list[_Lagged]] = [[] for _ in range(ny)]
-    branches = {("f", b.row, b.column): b for b in model.input_filters} | {("d", b.row): b for b in model.noise_filters}
+    branches: dict[tuple, Branch] = {("f", b.row, b.column): b for b in model.input_filters} | {
+        ("d", b.row): b for b in model.noise_filters
+    }
     for key, place, lags, columns in _columns(model):
         i, j = place[0], place[-1]
         c, d = model.c[:, i], model.d[:, i]
@@ -216,10 +217,10 @@ def _lagged(model: PolynomialModel, x0: np.ndarray | None, initial: bool) -> lis
             groups[i].append(
                 _Lagged(("pulse", 0), model.d[:, i], model.c[:, i], 1.0).at(np.arange(model.lags), p + held)
             )
-        for (key, i, *_), (*_, denominator, held) in branches.items():
-            c, states = model.c[:, i], np.arange(held.start, held.stop)
+        for (key, i, *_), (*_, denominator, within) in branches.items():
+            c, states = model.c[:, i], np.arange(within.start, within.stop)
             filters = (model.d[:, i], np.convolve(c, denominator)) if key == "f" else (ONE, c)
-            groups[i].append(_Lagged(("pulse", 0), *filters, 1.0).at(states - held.start, p + states))
+            groups[i].append(_Lagged(("pulse", 0), filters[0], filters[1], 1.0).at(states - within.start, p + states))
     return groups
 
 

@@ -7,7 +7,7 @@ chunks takes over.
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +16,7 @@ import scipy.linalg as la
 from numpy.lib.stride_tricks import sliding_window_view
 
 from excite.errors import ExciteError
-from excite.numerics.correlation import Correlation, Joint, correlate
+from excite.numerics.correlation import Correlation, Segment, correlate
 
 GRAM_CONDITION = 1e6  # beyond it the Gram form holds fewer than four digits of the smallest singular value
 QR_VALUES = 131_072  # doubles of explicit Hankel columns decomposed at once, 1 MB (more where d columns need it)
@@ -47,7 +47,7 @@ class HankelFactor:
 
     @cached_property
     def _place(self) -> np.ndarray:
-        return np.argsort(self.order)
+        return np.arange(len(self.L)) if self.order is None else np.argsort(self.order)
 
 
 def block_rows(channels: int, channel: slice | Sequence[int], start: int, stop: int) -> np.ndarray:
@@ -55,12 +55,12 @@ def block_rows(channels: int, channel: slice | Sequence[int], start: int, stop: 
     return (np.arange(start, stop)[:, None] * channels + np.arange(channels)[channel]).ravel()
 
 
-def columns_of(segments: Sequence[np.ndarray], rows: int) -> int:
+def columns_of(segments: Sequence[Sized], rows: int) -> int:
     """Number of Hankel columns that segments of data leave for `rows` block rows."""
     return sum(max(0, len(w) - rows + 1) for w in segments)
 
 
-def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int, order: np.ndarray | None = None) -> HankelFactor:
+def hankel_factor(segments: Sequence[Segment], rows: int, order: np.ndarray | None = None) -> HankelFactor:
     """Compress the block-Hankel matrix of several segments (N_i, c), side by side, into its triangular factor.
 
     order (d,) : the rows of H in the order in which the factor is to be triangular; their own when not given.
@@ -89,13 +89,13 @@ def hankel_factor(segments: Sequence[np.ndarray | Joint], rows: int, order: np.n
     return HankelFactor(L, rows, channels, columns, condition_of(L), "blocked-qr", correlation, order)
 
 
-def largest_rows(segments: Sequence[np.ndarray]) -> int:
+def largest_rows(segments: Sequence[Segment]) -> int:
     """Largest number of block rows with at least as many columns as rows."""
     channels = segments[0].shape[1]
     return bisect_right(range(1, max(map(len, segments)) + 1), 0, key=lambda n: n * channels - columns_of(segments, n))
 
 
-def hankel_gram(segments: Sequence[np.ndarray | Joint], correlation: Correlation) -> np.ndarray:
+def hankel_gram(segments: Sequence[Segment], correlation: Correlation) -> np.ndarray:
     """Gram matrix H H^T (d, d) by displacement, H having a block row for each linear lag of the segments' correlation."""
     rows, c = correlation.linear.shape[:2]
     starts = np.array([w[: rows - 1] for w in segments], float)
@@ -104,7 +104,7 @@ def hankel_gram(segments: Sequence[np.ndarray | Joint], correlation: Correlation
     G = np.empty((rows, c, rows, c))
     G[0] = correlation.linear.transpose(1, 0, 2)
     if rows > 1:  # a column begins no later than `rows` samples before the end
-        G[0, :, :-1] -= correlate(ends, rows - 2).linear.transpose(1, 0, 2)
+        G[0, :, :-1] -= correlate(list(ends), rows - 2).linear.transpose(1, 0, 2)
     for i in range(rows - 1):
         np.add(G[i, :, :-1], step[i], out=G[i + 1, :, 1:])
         G[i + 1, :, 0] = G[0, :, i + 1].T
@@ -133,7 +133,7 @@ def condition_of(L: np.ndarray) -> float:
     return 1 / reciprocal if reciprocal > 0 else np.inf
 
 
-def _blocked_qr(segments: Sequence[np.ndarray | Joint], rows: int, order: np.ndarray | slice) -> np.ndarray:
+def _blocked_qr(segments: Sequence[Segment], rows: int, order: np.ndarray | slice) -> np.ndarray:
     """Triangular factor by QR of chunk after chunk of Hankel columns; memory bounded, condition not squared."""
     d = rows * segments[0].shape[1]
     R = np.zeros((d, d), order="F")
@@ -152,7 +152,7 @@ def append_rows(R: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return la.lapack.dtpqrt(0, min(32, len(R)), R, below, overwrite_a=True, overwrite_b=True)[0]
 
 
-def _lengths(segments: Sequence[np.ndarray]) -> str:
+def _lengths(segments: Sequence[Sized]) -> str:
     if len(segments) == 1:
         return f"{len(segments[0])} samples"
     return f"{len(segments)} segments of {min(map(len, segments))} to {max(map(len, segments))} samples"

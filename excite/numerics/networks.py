@@ -1,7 +1,7 @@
 """Thermal RC networks: Cauer ladders, Foster networks, accurate conversion both ways, and their exact response.
 
 A Cauer ladder has its heat source at node 1: C_k from node k to ambient, R_k from node k to node k + 1, R_n to ambient.
-A Foster network is the sum of modes R_i / (1 + s tau_i), the form (8.1) of seed 001. Temperatures are rises above ambient.
+A Foster network is the sum of modes R_i / (1 + s tau_i), the form (8.1) of Miller (2012). Temperatures are rises above ambient.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ def cauer_to_foster(resistance: np.ndarray, capacitance: np.ndarray) -> tuple[np
     R, C = _positive(resistance, "resistance"), _positive(capacitance, "capacitance")
     n = len(R)
     if len(C) != n:
-        raise ExciteError(f"cauer_to_foster: {n} resistances and {len(C)} capacitances; give one of each a stage")
+        raise ExciteError(f"cauer_to_foster: {n} resistances and {len(C)} capacitances; give one of each per stage")
     q, e = 1 / (R * C), 1 / (R[:-1] * C[1:])
     rate = la.svd(np.diag(np.sqrt(q)) - np.diag(np.sqrt(e), 1), compute_uv=False, lapack_driver="gesvd") ** 2
     # Pivots of B^T B - rate from the top (s) and from the bottom (p), all modes at once; a vector is read off both ways
@@ -70,7 +70,7 @@ def foster_to_cauer(resistance: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray
     R, tau = _positive(resistance, "resistance"), _positive(tau, "tau")
     if len(R) != len(tau):
         raise ExciteError(
-            f"foster_to_cauer: {len(R)} resistances and {len(tau)} time constants; give one of each a mode"
+            f"foster_to_cauer: {len(R)} resistances and {len(tau)} time constants; give one of each per mode"
         )
     order = np.argsort(tau)
     R, tau = R[order], tau[order]
@@ -87,7 +87,9 @@ def foster_to_cauer(resistance: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray
 
 def _ladder(weight: list[float], slower: list[float], slowest: float) -> np.ndarray:
     """Return [resistance, capacitance] (2, n) for the residues of the modes, fastest first, and how rates 1 / tau fall."""
-    q, e, mass = [0.0], [], weight[0]
+    q: list[float] = [0.0]
+    e: list[float] = []
+    mass = weight[0]
     for shift, w in zip(slower, weight[1:], strict=True):
         q, e = _shifted(q, e, shift)
         q, e = _with_mode_at_zero(q, e, mass / (mass + w), w / (mass + w))
@@ -158,7 +160,7 @@ def _states(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
 def _positive(values: np.ndarray, place: str) -> np.ndarray:
     array = np.asarray(values, float)
     if array.ndim != 1 or not array.size:
-        raise ExciteError(f"{place}: shape {array.shape}; give a list of numbers, one a stage")
+        raise ExciteError(f"{place}: shape {array.shape}; give a list of numbers, one per stage")
     bad = np.flatnonzero(~(np.isfinite(array) & (array > 0)))
     if bad.size:
         raise ExciteError(f"{place}[{bad[0]}]: {array[bad[0]]:g}; every value must be positive and finite")

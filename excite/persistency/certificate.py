@@ -160,7 +160,7 @@ def certify(data: Data, block_rows: int = 20, noise_floor: float | Sequence[floa
         samples=len(joined),
         usable_response_s=None if recipe is None else recipe.get("usable_response_s"),
         warnings=(*warnings, *notes),
-        lines=None if lines is None else int(line_weights(period)[(lines != 0).any(1)].sum()),
+        lines=None if lines is None or period is None else int(line_weights(period)[np.any(lines != 0, axis=1)].sum()),
         noise_floor=tuple(floor.tolist()),
         floor_source=source,
         order_above_floor=_largest(lambda n: la.svdvals(in_floors[: n * nu, : n * nu])[-1] > 1, rows),
@@ -228,8 +228,9 @@ def _orders(
     period: int | None,
 ) -> tuple[int, int | None, list[str]]:
     """Order of the record, order of its period repeated for ever (None without one), and what stays in doubt."""
-    nu, notes, line_order, by_lines = segments[0].shape[1], [], None, None
-    if lines is not None:
+    nu, line_order, by_lines = segments[0].shape[1], None, None
+    notes: list[str] = []
+    if lines is not None and period is not None:
         asked = min(asked, period)  # no sequence excites beyond its period
         played = _mean_period(segments[0], period)
         wrapped = np.resize(played, (period + asked - 1, nu))
@@ -241,9 +242,9 @@ def _orders(
     if _full_rank(s):
         return rows, line_order, notes
     exact = None
-    if by_lines is not None and _repeats(segments[0], period):
+    if by_lines is not None and period is not None and _repeats(segments[0], period):
         # a Vandermonde matrix of L lines over L samples is regular: the record's columns span what the period's do
-        if columns_of(segments, rows) >= int(line_weights(period)[(lines != 0).any(1)].sum()):
+        if columns_of(segments, rows) >= int(line_weights(period)[np.any(lines != 0, axis=1)].sum()):
             exact = by_lines
     exact = exact or order_of_recurrence(segments, rows)
     if exact is None:

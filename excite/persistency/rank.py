@@ -150,8 +150,9 @@ def order_of_recurrence(segments: Sequence[np.ndarray], most: int) -> ExactOrder
     if uncertain:
         return None
     own = [_tall_rank([w[:, [a]] for w in segments], rows, most * nu) for a in range(nu)]
-    if all(part is not None and not part[1] for part in own):
-        ranks = [part[0].shape[1] for part in own]
+    sure = [part[0] for part in own if part is not None and not part[1]]
+    if len(sure) == nu:
+        ranks = [space.shape[1] for space in sure]
         if sum(ranks) == L:  # the channels share no exponential
             return ExactOrder(min(*ranks, most), True, min(*ranks, most))
     A = la.lstsq(space[:-nu], space[nu:])[0]

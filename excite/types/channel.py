@@ -9,6 +9,7 @@ import numpy as np
 from excite.arguments import positive as positive  # passed on: what has channels has a dt
 from excite.arguments import whole
 from excite.errors import ExciteError
+from excite.types.checked import Checked
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,12 @@ class Channel:
     def parse(cls, text: str) -> "Channel":
         """Read ``name [unit]`` or ``name``."""
         match = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\])?\s*", text, re.DOTALL)
+        assert match is not None  # its first group takes any text
         return cls(match[1], match[2] or "")
+
+
+# The field of a type that holds channels: names or channels are given, or None for numbered ones.
+Channels = Checked[Sequence[Channel | str] | None, tuple[Channel, ...]]
 
 
 def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: str) -> tuple[Channel, ...]:
@@ -47,8 +53,8 @@ def channels_for(count: int, given: Sequence["Channel | str"] | None, prefix: st
 
 def listed(names: Sequence[object]) -> str:
     """Return names on one line: all of up to eight, else the first six and the last with their number."""
-    names = [str(name) for name in names]
-    return ", ".join(names) if len(names) <= 8 else f"{', '.join(names[:6])}, … {names[-1]} ({len(names)})"
+    said = [str(name) for name in names]
+    return ", ".join(said) if len(said) <= 8 else f"{', '.join(said[:6])}, … {said[-1]} ({len(said)})"
 
 
 def samples(values: object, place: str, missing: bool = False) -> np.ndarray:

@@ -1,15 +1,15 @@
 """Experiment: a view of a recording with roles chosen; what every identification method takes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.types.channel import Channel, channels_for, period_of, positive, samples, time_axis
+from excite.types.channel import Channels, channels_for, period_of, positive, samples, time_axis
+from excite.types.checked import NOT_GIVEN, ArrayByDefault, Checked, OptionalArray
 from excite.types.frozen import ReadOnlyArrays
-from excite.types.level import Level
+from excite.types.level import ZERO, CheckedLevel, Level
 from excite.types.loop import Loop
 
 
@@ -23,18 +23,18 @@ class Experiment(ReadOnlyArrays):
     period : samples in one period of the excitation, or None; loop : how u was made; 1-D arrays become one channel.
     """
 
-    u: np.ndarray | None
+    u: np.ndarray
     y: np.ndarray
     dt: float | None = None
-    reference: np.ndarray | None = None
-    time_s: np.ndarray | None = None
-    inputs: Sequence[Channel | str] | None = None
-    outputs: Sequence[Channel | str] | None = None
-    references: Sequence[Channel | str] | None = None
+    reference: OptionalArray = NOT_GIVEN
+    time_s: ArrayByDefault = NOT_GIVEN
+    inputs: Channels = NOT_GIVEN
+    outputs: Channels = NOT_GIVEN
+    references: Channels = NOT_GIVEN
     period: int | None = None
-    loop: Loop | None = None
+    loop: Checked[Loop | str | None, Loop] = NOT_GIVEN
     name: str = "data"
-    level: str | Level | tuple = "zero"
+    level: CheckedLevel = ZERO
 
     def __post_init__(self) -> None:
         for key, role, prefix in (("u", "inputs", "u"), ("y", "outputs", "y"), ("reference", "references", "r")):
@@ -61,7 +61,7 @@ class Experiment(ReadOnlyArrays):
         else:
             time = time_axis(self.time_s, len(self.u), "Experiment.time_s")
         object.__setattr__(self, "time_s", time)
-        object.__setattr__(self, "loop", self.loop or Loop("open"))
+        object.__setattr__(self, "loop", Loop.of(self.loop))
         object.__setattr__(self, "level", Level.of(self.level))
         object.__setattr__(self, "period", period_of(self.period, "Experiment.period"))
 
@@ -76,6 +76,19 @@ class Experiment(ReadOnlyArrays):
                 return None
         missing = np.isnan(self.u).any(1) | np.isnan(self.y).any(1)
         return missing if missing.any() else None
+
+    @property
+    def uniform_dt(self) -> float:
+        """The sampling time, s; raises ExciteError where the samples were taken at uneven instants."""
+        if self.dt is None:
+            raise ExciteError(
+                f"{self.name}: sampling is not uniform, and one sampling time is needed; resample the record"
+            )
+        return self.dt
+
+    def without_inputs(self) -> "Experiment":
+        """Return the outputs alone."""
+        return replace(self, u=np.empty((len(self), 0)), inputs=None, references=self.references or None)
 
     def window(self, start: int, stop: int | None = None) -> "Experiment":
         """Return samples start:stop as an experiment of its own."""

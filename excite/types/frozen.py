@@ -20,6 +20,7 @@ class Frozen(Mapping[str, Any]):
     """A read-only mapping; `types.MappingProxyType` would do, if it could be pickled or copied."""
 
     __slots__ = ("_items",)
+    _items: dict[str, Any]
 
     def __init__(self, items: Mapping[str, Any] | Iterable[tuple[str, Any]] = (), /, **more: Any) -> None:
         object.__setattr__(self, "_items", dict(items, **more))

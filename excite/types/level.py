@@ -2,12 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
+from excite.types.checked import NOT_GIVEN, Checked
 
 STATES = ("zero", "known", "unknown")
+
+CheckedNumbers = Checked[Sequence[float] | None, tuple[float, ...] | None]
 
 
 @dataclass(frozen=True)
@@ -18,8 +22,8 @@ class Level:
     """
 
     state: str
-    u0: tuple[float, ...] | None = None
-    y0: tuple[float, ...] | None = None
+    u0: CheckedNumbers = NOT_GIVEN
+    y0: CheckedNumbers = NOT_GIVEN
 
     def __post_init__(self) -> None:
         if self.state not in STATES:
@@ -48,3 +52,8 @@ class Level:
             return cls("known", u0, y0)
         except (TypeError, ValueError):
             raise ExciteError(f'level: {given!r}; give "zero", "unknown", or the pair (u0, y0)') from None
+
+
+# The field of a type that is measured from a level, and its default.
+CheckedLevel = Checked[str | Level | tuple[Sequence[float], Sequence[float]], Level]
+ZERO: Any = Level("zero")

@@ -33,6 +33,11 @@ class Loop:
         if self.controller is not None and self.state != "closed":
             raise ExciteError(f'Loop.controller: a controller is given, but the loop is {self.state}; state = "closed"')
 
+    @classmethod
+    def of(cls, value: "Loop | str | None") -> "Loop":
+        """Return the loop that a state names, "open" where there is none; a Loop as it is."""
+        return value if isinstance(value, Loop) else cls("open" if value is None else value)
+
     @property
     def closed(self) -> bool:
         """Whether the loop is known to be closed."""

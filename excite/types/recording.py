@@ -9,11 +9,11 @@ from excite.errors import ExciteError, did_you_mean
 from excite.types.channel import Channel, channels_for, period_of, positive, samples, time_axis
 from excite.types.experiment import Experiment
 from excite.types.frozen import Frozen, ReadOnlyArrays
-from excite.types.level import Level
+from excite.types.level import ZERO, CheckedLevel, Level
 from excite.types.loop import Loop
 from excite.types.origin import Origin
 
-OPEN, ZERO, NOWHERE = Loop("open"), Level("zero"), Origin()
+OPEN, NOWHERE = Loop("open"), Origin()
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Recording(ReadOnlyArrays):
     period: int | None = None
     loop: Loop = OPEN
     origin: Origin = NOWHERE
-    level: str | Level | tuple = ZERO
+    level: CheckedLevel = ZERO
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", samples(self.values, "Recording.values", missing=True))
@@ -78,13 +78,14 @@ class Recording(ReadOnlyArrays):
 
     def experiment(self, view: str | Roles | None = None) -> Experiment:
         """Return the view of this recording that a view's roles choose."""
-        label = view if isinstance(view, str) else (self.default if view is None else "roles")
+        label = "roles"
         if not isinstance(view, Roles):
-            if label is None:
+            view = self.default if view is None else view
+            if view is None:
                 raise ExciteError(f"Recording.experiment: name a view; known: {', '.join(self.views) or 'none'}")
-            if label not in self.views:
-                raise ExciteError(f"view '{label}' is not recorded; {did_you_mean(label, self.views)}")
-            view = self.views[label]
+            if view not in self.views:
+                raise ExciteError(f"view '{view}' is not recorded; {did_you_mean(view, self.views)}")
+            label, view = view, self.views[view]
         by_name = {c.name: c for c in self.channels}
         take = slice(None, None, view.every)
         u, y = (self.columns(names, label)[take] for names in (view.inputs, view.outputs))

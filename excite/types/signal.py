@@ -6,7 +6,8 @@ import numpy as np
 
 from excite.arguments import multiple
 from excite.errors import ExciteError
-from excite.types.channel import Channel, channels_for, period_of, positive, samples
+from excite.types.channel import Channels, channels_for, period_of, positive, samples
+from excite.types.checked import NOT_GIVEN
 from excite.types.frozen import ReadOnlyArrays
 from excite.types.recipe import Recipe
 
@@ -21,7 +22,7 @@ class Signal(ReadOnlyArrays):
 
     u: np.ndarray
     dt: float
-    channels: tuple[Channel, ...] | None = None
+    channels: Channels = NOT_GIVEN
     period: int | None = None
     recipe: Recipe | None = None
 
@@ -61,15 +62,11 @@ class Signal(ReadOnlyArrays):
         """Return the zero-order-held signal sampled every dt seconds; dt must divide, or be a multiple of, the signal's."""
         dt = positive(dt, "Signal.sampled")
         finer, coarser = multiple(self.dt, dt), multiple(dt, self.dt)
-        if finer is None and coarser is None:
+        if finer is not None:
+            return replace(self, u=np.repeat(self.u, finer, axis=0), dt=dt, period=self.period and self.period * finer)
+        if coarser is None:
             raise ExciteError(
                 f"Signal.sampled: {dt:g} s is neither a whole fraction nor a whole multiple of the signal's dt {self.dt:g} s"
             )
-        if finer is not None:
-            u, period = np.repeat(self.u, finer, axis=0), self.period and self.period * finer
-        else:
-            u, period = (
-                self.u[::coarser],
-                self.period // coarser if self.period and self.period % coarser == 0 else None,
-            )
-        return replace(self, u=u, dt=dt, period=period)
+        period = self.period // coarser if self.period and self.period % coarser == 0 else None
+        return replace(self, u=self.u[::coarser], dt=dt, period=period)

@@ -7,6 +7,7 @@ import numpy as np
 
 from excite.errors import ExciteError, did_you_mean
 from excite.models.state_space import StateSpaceModel
+from excite.types.checked import NOT_GIVEN, ArrayByDefault
 
 KINDS = ("exact", "linearised", "periodically time-varying", "best linear approximation")
 
@@ -29,7 +30,7 @@ class Truth:
     kind: str
     parameters: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     valid_amplitude: str = ""
-    poles: np.ndarray | None = None
+    poles: ArrayByDefault = NOT_GIVEN
     accuracy: float = 0.005
 
     def __post_init__(self) -> None:

@@ -23,7 +23,7 @@ def output_coherence(
 
     band_hz : first and last frequency; instrument : "reference", "inputs", or None: the reference where one is recorded.
     """
-    from scipy.signal import csd  # slow to import, and the pipeline seldom needs it
+    from scipy.signal import csd  # slow to import, and few runs need it
 
     z, dt = _instrument(experiment, instrument), experiment.dt
     if dt is None or np.isnan(experiment.y).any() or np.isnan(z).any():
@@ -62,14 +62,14 @@ def select_outputs(
 ) -> dict[str, float]:
     """Return the outputs whose mean coherence over the band is at least `threshold`, with that coherence.
 
-    The rule by which seed 001, 6.2.1, keeps 8 or 49 of 94 signals (2/3 over 3 to 35 Hz).
+    The rule by which Miller (2012), 6.2.1, keeps 8 or 49 of 94 signals (2/3 over 3 to 35 Hz).
     """
     if not 0 <= threshold <= 1:
         raise ExciteError(f"threshold: {threshold:g}; coherence lies between 0 and 1")
     found = output_coherence(experiment, band_hz, instrument)
     kept = {name: value for name, value in found.items() if value >= threshold}
     if not kept:
-        best = max(found, key=found.get)
+        best = max(found, key=lambda name: found[name])
         raise ExciteError(
             f"no output reaches a mean coherence of {threshold:.3g} from {band_hz[0]:g} to {band_hz[1]:g} Hz; the best is "
             f"'{best}' with {found[best]:.3g}: excite more, choose a band that is excited, or lower the threshold"
@@ -98,6 +98,7 @@ def _instrument(experiment: Experiment, instrument: str | None) -> np.ndarray:
     choices = {"reference": experiment.reference, "inputs": experiment.u if experiment.inputs else None}
     if instrument not in choices:
         raise ExciteError(f"instrument: {instrument!r}; {did_you_mean(instrument, choices)}")
-    if choices[instrument] is None:
+    values = choices[instrument]
+    if values is None:
         raise ExciteError(f"instrument: the experiment has no {instrument}; name its channels")
-    return choices[instrument]
+    return values

@@ -38,7 +38,10 @@ def gap_free(data: tuple[Experiment, ...], shortest: int) -> GapFree:
     Of a record with gaps, the parts with at least `shortest` samples are kept; where none is as long, the longest.
     Raises ExciteError when a record has no sample without a missing value.
     """
-    parts, first, start, missing = [], [], [], 0
+    parts: list[Experiment] = []
+    first: list[int] = []
+    start: list[int] = []
+    missing = 0
     for k, record in enumerate(data):
         first.append(len(parts))
         gap = record.incomplete

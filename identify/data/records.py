@@ -58,7 +58,7 @@ class Records:
                     raise ExciteError(
                         f"experiment {k}: its {what} differ from those of experiment 0; pass like with like"
                     )
-            if (first.dt is None) != (other.dt is None) or (first.dt and abs(other.dt / first.dt - 1) > SAME_DT):
+            if _differ(first.dt, other.dt):
                 raise ExciteError(
                     f"experiment {k}: dt {other.dt} s differs from {first.dt} s of experiment 0; resample one"
                 )
@@ -129,10 +129,17 @@ class Records:
 Data = Records | FrequencyResponse
 
 
+def _differ(dt: float | None, other: float | None) -> bool:
+    """Whether two sampling times are not the same; None is that of uneven instants."""
+    if dt is None or other is None:
+        return dt is not other
+    return abs(other / dt - 1) > SAME_DT
+
+
 def _about(record: Experiment, place: str) -> Experiment:
     """Return a record about its known level."""
     level = record.level
-    if level.state == "zero":
+    if level.u0 is None or level.y0 is None:
         return record
     for key, values, channels in (("u0", level.u0, record.inputs), ("y0", level.y0, record.outputs)):
         if len(values) != len(channels):
@@ -201,6 +208,28 @@ def _out_of_range(values: np.ndarray, channels: Sequence[Channel]) -> str | None
             )
         if 0 < peak < SMALLEST:
             return f"channel '{channel.name}' stays below {SMALLEST:g}, so that its squares underflow; change its unit"
+    return None
+
+
+def constant(parts: tuple[Experiment, ...]) -> str | None:
+    """Return which input or output never moves, and what to do, or None."""
+    for key, role in (("u", "inputs"), ("y", "outputs")):
+        first = getattr(parts[0], key)[:1]
+        still = np.ones(first.shape[1], bool)
+        for part in parts:
+            signal = getattr(part, key)
+            for start in range(0, len(signal), BEGINNING):
+                if not still.any():  # as a rule after the first thousand samples
+                    break
+                still &= (signal[start : start + BEGINNING] == first).all(0)
+        for i in np.flatnonzero(still):
+            name, value = getattr(parts[0], role)[i].name, first[0, i]
+            if key == "y":
+                return f"output '{name}' is constant ({value:g}); drop the channel"
+            return (
+                f"input '{name}' is constant ({value:g}), so it is persistently exciting of order {int(value != 0)} only; "
+                "excite it or drop the channel"
+            )
     return None
 
 

@@ -36,9 +36,9 @@ def bode(comparison: Comparison) -> Figure | None:
     truth = None if comparison.truth is None else comparison.truth.model
     band = comparison.band_hz
     if band is None and comparison.truth is not None and true_poles(comparison) is not None:
-        band = default_band(comparison.truth.poles, comparison.dt)
+        band = default_band(comparison.truth.poles, comparison.truth.model.dt)
     pairs = _pairs(len(models[0].outputs), len(models[0].inputs))
-    nyquist = 0.5 / comparison.dt
+    nyquist = 0.5 / comparison.uniform_dt
     low = band[0] / 2 if band else nyquist / 1000
     lines = sum(map(len, pairs)) * (len(rows) + 1) + 3 * len(rows)
     f = _frequencies([m for m in (truth, *models) if m is not None], low, nyquist, MOST_POINTS_FIGURE // lines)

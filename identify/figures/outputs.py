@@ -60,7 +60,7 @@ def outputs(comparison: Comparison) -> Figure | None:
     judged = _Judged(
         target=target,
         measured=None if comparison.clean is None else comparison.validation,
-        simulated=[(row, _simulate(estimates(row)[0].model, target)) for row in rows],
+        simulated=[(row, _simulate(estimates(row)[0].dynamic, target)) for row in rows],
         shown=window(len(target), comparison.dt),
         points=MOST_POINTS_FIGURE // (count * (2 + 2 * len(rows))),
     )

@@ -20,7 +20,7 @@ Window = tuple[Range, Range]
 def poles(comparison: Comparison) -> Figure | None:
     """Return truth and estimates (all runs) in the s-plane, s = log(z) / dt, upper half; beside it the slow ones."""
     rows, truth, dt = best_rows(comparison, Dynamic), true_poles(comparison), comparison.dt
-    if truth is None and not rows:
+    if dt is None or (truth is None and not rows):
         return None
     leading = s_plane(estimates(rows[0])[0].model) if truth is None else truth
     found = {title(row): (row, _upper(_of_runs(row))) for row in rows}

@@ -62,7 +62,7 @@ def true_poles(comparison: Comparison) -> np.ndarray | None:
     truth = comparison.truth
     if truth is None or not isinstance(truth.model, Dynamic):
         return None
-    return continuous_poles(truth.poles, comparison.dt)
+    return continuous_poles(truth.poles, truth.model.dt)
 
 
 def best_rows(comparison: Comparison, ability: type = Model) -> list[Row]:

@@ -15,12 +15,17 @@ CAPTION = (
 )
 
 
+def _order(row: Row) -> int:
+    """Return the order of a row that was asked for as a number, else 0."""
+    return row.order if isinstance(row.order, int) else 0
+
+
 def singular_values(comparison: Comparison) -> Figure | None:
     """Return the singular values of each label's first run, relative to the largest, with the order that was used."""
     rows = {row: s for row in best_rows(comparison) if (s := estimates(row)[0].singular_values) is not None and len(s)}
     if not rows:
         return None
-    longest = max(24, *(2 * (row.order or 0) + 4 for row in rows))
+    longest = max(24, *(2 * _order(row) + 4 for row in rows))
     lowest, marks = 1.0, []
     for row, values in reversed(rows.items()):
         s = np.asarray(values, float)[:longest]
@@ -50,8 +55,9 @@ def _row(row: Row, s: np.ndarray) -> list[Mark]:
     marks: list[Mark] = [
         Line(np.arange(1, len(s) + 1), s, width=0.9, marker="dot", size=3, label=title(row), colour=row.label)
     ]
-    if row.order is not None and 0 < row.order <= len(s):
-        marks.append(Points([row.order], [s[row.order - 1]], marker="ring", size=9, width=1.5, colour=row.label))
+    order = _order(row)
+    if 0 < order <= len(s):
+        marks.append(Points([order], [s[order - 1]], marker="ring", size=9, width=1.5, colour=row.label))
     return marks
 
 

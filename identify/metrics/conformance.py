@@ -30,7 +30,12 @@ class OnlyResponse(Model):
     """A model that is known by its frequency response alone."""
 
     def __init__(self, model: Model) -> None:
-        self.model, self.dt, self.inputs, self.outputs = model, model.dt, model.inputs, model.outputs
+        self.model, self.inputs, self.outputs = model, model.inputs, model.outputs
+
+    @property
+    def dt(self) -> float | None:
+        """That of the model."""
+        return self.model.dt
 
     def frf(self, f_hz: np.ndarray) -> np.ndarray:
         """Frequency response (F, ny, nu)."""
@@ -50,6 +55,16 @@ def example() -> StateSpaceModel:
     return StateSpaceModel(A, B, C, np.zeros((2, 2)), DT, K=K, innovation_cov=np.eye(2))
 
 
+def _gain(model: StateSpaceModel) -> np.ndarray:
+    assert model.K is not None, "the examples have a noise part"
+    return model.K
+
+
+def _record(judged: Case) -> Experiment:
+    assert judged.validation is not None, "the examples have a record"
+    return judged.validation
+
+
 def worse() -> Iterator[StateSpaceModel]:
     """Yield models that differ from the example in their poles, their gain, a state too few and a state too many."""
     true = example()
@@ -58,13 +73,13 @@ def worse() -> Iterator[StateSpaceModel]:
     poles[2, 2], poles[3, 3] = 0.5, 0.98
     yield replace(true, A=poles)
     yield replace(true, B=1.2 * true.B)
-    yield replace(true, A=true.A[:3, :3], B=true.B[:3], C=true.C[:, :3], K=true.K[:3])
+    yield replace(true, A=true.A[:3, :3], B=true.B[:3], C=true.C[:, :3], K=_gain(true)[:3])
     yield replace(
         true,
         A=la.block_diag(true.A, 0.3),
         B=np.vstack([true.B, [[0.8, 0.5]]]),
         C=np.hstack([true.C, [[0.5], [0.7]]]),
-        K=np.vstack([true.K, np.zeros((1, 2))]),
+        K=np.vstack([_gain(true), np.zeros((1, 2))]),
     )
 
 
@@ -144,16 +159,17 @@ def _without_input() -> tuple[StateSpaceModel, Case]:
     true = example()
     model = replace(true, B=np.empty((4, 0)), D=np.empty((2, 0)), inputs=None, input_offset=None)
     y = model.simulate(np.empty((100, 0)), np.ones(4))
-    data = Experiment(None, y, dt=DT)
+    data = Experiment(np.empty((100, 0)), y, dt=DT)
     return model, case_of(data, Truth(model, "exact"), horizons=[HORIZON], clean=data)
 
 
 def check_deterministic(metric: Metric) -> None:
     """The same model in the same case has the same value, and nothing of the case is changed."""
     model, judged = next(worse()), case()
-    before = judged.validation.y.tobytes(), judged.validation.u.tobytes(), model.A.tobytes()
+    record = _record(judged)
+    before = record.y.tobytes(), record.u.tobytes(), model.A.tobytes()
     assert value(metric, model, judged) == value(metric, model, replace(judged))
-    assert before == (judged.validation.y.tobytes(), judged.validation.u.tobytes(), model.A.tobytes())
+    assert before == (record.y.tobytes(), record.u.tobytes(), model.A.tobytes())
 
 
 def check_units(metric: Metric) -> None:
@@ -177,7 +193,7 @@ def _turned(model: StateSpaceModel) -> StateSpaceModel:
         B=model.B[:, ::-1],
         C=model.C[::-1],
         D=model.D[::-1, ::-1],
-        K=model.K[:, ::-1],
+        K=_gain(model)[:, ::-1],
         inputs=inputs,
         outputs=tuple(reversed(model.outputs)),
     )
@@ -185,7 +201,7 @@ def _turned(model: StateSpaceModel) -> StateSpaceModel:
 
 def _turned_case() -> Case:
     judged = case()
-    data, model = judged.validation, _turned(example())
+    data, model = _record(judged), _turned(example())
     data = Experiment(data.u[:, ::-1], data.y[:, ::-1], dt=DT, inputs=model.inputs, outputs=model.outputs)
     return replace(judged, validation=data, clean=data, truth=Truth(model, "exact"))
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -178,7 +179,7 @@ class Metric:
         return f"{self.horizon} samples" if dt is None else f"{self.horizon * dt * 1e3:.4g} ms"
 
 
-def describe(metric: Metric) -> dict[str, object]:
+def describe(metric: Metric) -> dict[str, Any]:
     """Return what there is to know about a metric as plain values: what `excite metrics NAME --json` prints."""
     return {
         "name": metric.name,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.models.model import Dynamic, Model
+from excite.models.model import Dynamic, Model, Predictor
 from excite.models.polynomial import PolynomialModel
 from excite.types.experiment import Experiment
 from identify.data.records import Records
@@ -31,7 +31,7 @@ class Criteria:
     parameters: int
 
 
-def free_parameters(model: Model) -> int:
+def free_parameters(model: Dynamic) -> int:
     """Parameters that the data determine, whatever the basis of the state.
 
     n (nu + 2 ny) of the innovation form, and ny nu of D where it is not zero; the coefficients of a polynomial model.
@@ -39,8 +39,8 @@ def free_parameters(model: Model) -> int:
     ny, nu = len(model.outputs), len(model.inputs)
     if isinstance(model, PolynomialModel):
         return model.a[1:].size + int((model.b != 0).any(axis=(1, 2)).sum()) * ny * nu
-    model = model.to_state_space()
-    return model.order * (nu + 2 * ny) + (ny * nu if np.any(model.D) else 0)
+    space = model.to_state_space()
+    return space.order * (nu + 2 * ny) + (ny * nu if np.any(space.D) else 0)
 
 
 def information_criteria(model: Model, data: Experiment | Iterable[Experiment] | Records) -> Criteria | None:
@@ -48,7 +48,7 @@ def information_criteria(model: Model, data: Experiment | Iterable[Experiment] |
 
     Residuals at rounding level count as equal, so that of noise-free models the smallest exact one is best.
     """
-    if not isinstance(model, Dynamic) or (system := model.to_state_space()).K is None:
+    if not isinstance(model, Predictor) or (system := model.to_state_space()).K is None:
         return None
     count, parts, ny = free_parameters(model), Records.of(data).parts(1), len(model.outputs)
     with np.errstate(over="ignore", invalid="ignore"):

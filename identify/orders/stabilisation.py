@@ -29,7 +29,8 @@ def stabilisation(
     |a^H b|^2 / (a^H a b^H b) of stable shapes (Peeters and De Roeck, Mech. Syst. Signal Process. 13, 1999). The modes of
     the first model are not stable in anything.
     """
-    found, before = [], ()
+    found: list[StablePole] = []
+    before: tuple[Mode, ...] = ()
     for order in sorted(models):
         modes = models[order].modes()
         for mode in modes:

@@ -52,7 +52,8 @@ def order_table(data: Experiment | Iterable[Experiment] | Records, method: Metho
     least one-step error: arx, ssarx, cva, pbsid, parsim_k, wfa. The gain of MOESP, N4SID and IEM is less efficient, so
     that larger orders go on lowering their residuals beyond the true one.
     """
-    records, shared = Records.of(data), {}
+    records = Records.of(data)
+    shared: dict[Any, Any] = {}
     check(method, records.deviations().without_dead_time(method.input_delay), None)
     rows = tuple(_row(records, method, n, shared) for n in sorted(set(orders)))
     judged: dict[str, dict[int, float]] = {

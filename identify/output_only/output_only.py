@@ -17,7 +17,7 @@ from identify.steps.kalman import spectral_radius
 
 
 @dataclass(frozen=True)
-class OutputOnlyMethod(StateSpaceMethod):
+class OutputOnlyMethod(StateSpaceMethod[Records]):
     """A method for outputs alone, whose excitation is white noise that nobody measured.
 
     Past and future should each span half a period of the slowest mode (Reynders and De Roeck 2008).

@@ -1,1 +1,1 @@
-"""Prediction-error methods, one a file."""
+"""Prediction-error methods, one per file."""

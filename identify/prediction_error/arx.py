@@ -15,8 +15,8 @@ from identify.steps.initial_state import initial_state
 
 
 @dataclass(frozen=True)
-class Arx(Method):
-    """Multivariable ARX by least squares: y(t) + A_1 y(t-1) + … = B_k u(t-k) + … + e(t) (seed 002, 5.2).
+class Arx(Method[Records, int]):
+    """Multivariable ARX by least squares: y(t) + A_1 y(t-1) + … = B_k u(t-k) + … + e(t) (Zaffalon and Hofmann 2024, 5.2).
 
     The order is the number of lags of y and of u each; delay : k, the first lag of u (0 lets u act at once).
     Consistent in open and closed loop when the noise is ARX, biased otherwise; high orders approximate any noise.
@@ -63,7 +63,12 @@ class Arx(Method):
         a = np.concatenate([np.eye(ny)[None], -on_y.reshape(ny, order, ny).transpose(1, 0, 2)[::-1]])
         b = np.concatenate([np.zeros((self.delay, ny, nu)), on_u.reshape(ny, order, nu).transpose(1, 0, 2)[::-1]])
         model = PolynomialModel(
-            a, b, first.dt, innovation_cov=residual @ residual.T / H.columns, inputs=first.inputs, outputs=first.outputs
+            a,
+            b,
+            first.uniform_dt,
+            innovation_cov=residual @ residual.T / H.columns,
+            inputs=first.inputs,
+            outputs=first.outputs,
         )
         x0 = tuple(initial_state(model, e, predictor=True) for e in parts)
         return Estimate(model, self.name, order, x0=x0, condition=H.condition, route=H.path)

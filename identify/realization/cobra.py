@@ -14,6 +14,7 @@ from identify.realization.shifted_data import (
     check_input_rows,
     covariance_input_matrices,
     covariances,
+    instruments_of,
     reference_missing,
     scatter,
     shifted_data,
@@ -39,8 +40,8 @@ class CovarianceFunctions:
 
 
 @dataclass(frozen=True)
-class Cobra(StateSpaceMethod):
-    """Covariance-based realization (Miller and de Callafon; seed 001, chapter 5).
+class Cobra(StateSpaceMethod[Records]):
+    """Covariance-based realization (Miller 2012, chapter 5).
 
     R_u(tau) = E u(t + tau) xi(t)^T and R_y with an instrument xi that the noise does not reach obey the plant's own
     equations, R_x(tau + 1) = A R_x(tau) + B R_u(tau), R_y = C R_x + D R_u, whatever the noise. Their block-Hankel
@@ -56,7 +57,7 @@ class Cobra(StateSpaceMethod):
 
     block_rows : r; first_lag, last_lag : lags in samples, -r and 2 r when not given; instrument : "inputs",
     "reference", or "auto" (inputs in open loop, reference in closed loop); segments : 1, or the pieces of Welch's
-    smoothed covariance (5.4.2; 8 in the seed's software, no gain on its Example 5.1); feedthrough : estimate D (else zero).
+    smoothed covariance (5.4.2; 8 in Miller's software, no gain on its Example 5.1); feedthrough : estimate D (else zero).
     """
 
     name: ClassVar[str] = "cobra"
@@ -126,7 +127,7 @@ class Cobra(StateSpaceMethod):
         parts = data.parts(self.span(1))
         joint_segments(parts)  # refuses constant channels
         reference, (first, last) = self._uses_reference(data), self.lags()
-        instruments = tuple(e.reference if reference else e.u for e in parts)
+        instruments = instruments_of(parts, reference)
         R_u, R_y = covariances(parts, instruments, first, last, self.segments)
         check_input_rows(hankel_of(R_u, self.block_rows + 1), parts, self.block_rows + 1)
         return CovarianceFunctions(parts, instruments, R_u, R_y, shifted_covariances(R_u, R_y, self.block_rows))
@@ -162,5 +163,5 @@ class Cobra(StateSpaceMethod):
 
 
 def shifted_covariances(R_u: np.ndarray, R_y: np.ndarray, rows: int) -> ShiftedData:
-    """Block-Hankel matrices of covariance functions with the input rows projected out, seed 001 eq. (5.2)-(5.4)."""
+    """Block-Hankel matrices of covariance functions with the input rows projected out, Miller (2012), eq. (5.2)-(5.4)."""
     return shifted_data(hankel_of(R_u, rows + 1), hankel_of(R_y, rows + 1), *R_y.shape[1:])

@@ -11,7 +11,7 @@ from identify.steps.shift import Shift
 
 @dataclass(frozen=True)
 class Era(ResponseMethod):
-    """Eigensystem realization algorithm (Juang and Pappa 1985; seed 001, section 2.3.2).
+    """Eigensystem realization algorithm (Juang and Pappa 1985; Miller 2012, section 2.3.2).
 
     From the Hankel matrices H(0) = U S V^T of h_1, h_2, … and H(1), one sample later, A = S^-1/2 U^T H(1) V S^-1/2; C and
     B are the first blocks of U S^1/2 and S^1/2 V^T, D is the first sample. Decays are columns beside those of the
@@ -55,4 +55,5 @@ class Era(ResponseMethod):
 
     def shift(self, factor: ResponseFactor, order: int) -> Shift:
         """A from H(1)."""
+        assert factor.shifted is not None  # `compress` keeps it
         return Shift.of_pair(factor.svd, factor.shifted, order)

@@ -11,7 +11,7 @@ from identify.steps.shift import Shift
 
 @dataclass(frozen=True)
 class HoKalman(ResponseMethod):
-    """Kung's method (Kung 1978; Ho and Kalman 1966; seed 001, sections 2.1-2.3).
+    """Kung's method (Kung 1978; Ho and Kalman 1966; Miller 2012, sections 2.1-2.3).
 
     H = [G(i + j - 1)] of all parameters that the records hold is reduced to rank n by its SVD, H ~ (U S^1/2)(S^1/2 V^T)
     = Gamma Delta. C and B are the first blocks; A = pinv(Gamma without its last block row) (Gamma without its first):

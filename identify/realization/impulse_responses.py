@@ -1,7 +1,7 @@
 """Impulse responses and free decays: what the records must hold, and the Markov parameters in them."""
 
 from abc import abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -65,7 +65,7 @@ def response_columns(data: tuple[Experiment, ...]) -> int:
 
 def impulse_responses(data: tuple[Experiment, ...]) -> ImpulseResponses:
     """Read the records: outputs per unit impulse (repetitions averaged by least squares), and decays as they are."""
-    outputs = joint_segments(tuple(replace(e, u=None, inputs=None) for e in data))
+    outputs = joint_segments(tuple(e.without_inputs() for e in data))
     impulses, count = [impulse_of(e) for e in data], response_length(data)
     decays = [k for k, (j, _) in enumerate(impulses) if j is None]
     width = response_columns(data)
@@ -96,7 +96,7 @@ class ResponseFactor:
 
 
 @dataclass(frozen=True)
-class ResponseMethod(StateSpaceMethod):
+class ResponseMethod(StateSpaceMethod[Records]):
     """A method over the Hankel matrix of impulse responses or free decays.
 
     An impulse may have any height and instant; the record must be at rest before it. With decays alone the model has
@@ -135,7 +135,8 @@ class ResponseMethod(StateSpaceMethod):
 
     def realize(self, factor: ResponseFactor, order: int, data: Records) -> Estimate:
         """Return the model of one order."""
-        responses, nu, warnings = factor.responses, factor.responses.D.shape[1], ()
+        responses, nu = factor.responses, factor.responses.D.shape[1]
+        warnings: tuple[str, ...] = ()
         shift = self.shift(factor, order)
         A, notes = self.dynamics(shift)
         columns = onto(A, shift.C, responses.markov) if notes else factor.svd.delta(order)[:, : factor.svd.m]

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from excite.numerics.correlation import Joint
 from excite.numerics.hankel import HankelFactor, hankel_factor
 from excite.types.experiment import Experiment
 from identify.data.records import Records
@@ -15,6 +16,7 @@ from identify.realization.shifted_data import (
     check_input_rows,
     covariance_input_matrices,
     covariances,
+    instruments_of,
     reference_missing,
     scatter,
     shifted_data,
@@ -40,8 +42,8 @@ class ShiftedRecords:
 
 
 @dataclass(frozen=True)
-class IoRealization(StateSpaceMethod):
-    """Realization by shift invariance in the output data (Miller and de Callafon; seed 001, chapter 4).
+class IoRealization(StateSpaceMethod[Records]):
+    """Realization by shift invariance in the output data (Miller 2012, chapter 4).
 
     Y_(0|r-1) = O X + T' U_(0|r) + V and Y_(1|r) = O A X + T U_(0|r) + V' are seen through an instrument Z that the
     noise does not reach, the inputs projected out of both, and A = S^-1/2 U^T Y' V S^-1/2 taken from the SVD of the
@@ -49,7 +51,7 @@ class IoRealization(StateSpaceMethod):
 
         H = Y_(0|r-1) Q_Z^T N,   H' = Y_(1|r) Q_Z^T N,   N the null space of U_(0|r) Q_Z^T.
 
-    Z = [U_(-p|-1); U_(0|r)] ("past_inputs") is the seed's Y Pi_(U^perp) Z^T up to the weight of its columns. In closed
+    Z = [U_(-p|-1); U_(0|r)] ("past_inputs") is Miller's Y Pi_(U^perp) Z^T up to the weight of its columns. In closed
     loop Y Pi_(U^perp) Z^T as printed is biased with any Z, since V U_(0|r)^T does not vanish; with the reference from p
     samples before to r after as Z, applied before the inputs are projected out, it is not. Without instrument (Q_Z = I)
     coloured noise biases the poles, also when it shares A's (4.4 denies that).
@@ -120,10 +122,9 @@ class IoRealization(StateSpaceMethod):
         which, rows = self._instrument(data), self.block_rows + 1
         past = 0 if which == "none" else self.past
         nu, ny = len(data.inputs), len(data.outputs)
-        segments, instruments = joint_segments(parts), tuple(e.u for e in parts)
+        segments, instruments = joint_segments(parts), instruments_of(parts, which == "reference")
         if which == "reference":
-            instruments = tuple(e.reference for e in parts)
-            segments = [np.hstack([w, z]) for w, z in zip(segments, instruments, strict=True)]
+            segments = [Joint((*w.parts, z)) for w, z in zip(segments, instruments, strict=True)]
         hankel = hankel_factor(segments, past + rows)
         U = hankel.L[hankel.index(slice(0, nu), past, past + rows)]
         Y = hankel.L[hankel.index(slice(nu, nu + ny), past, past + rows)]

@@ -1,6 +1,6 @@
 """SBR: step-based realization, straight from step responses."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import ClassVar
 
@@ -34,8 +34,8 @@ class StepFactor:
 
 
 @dataclass(frozen=True)
-class Sbr(StateSpaceMethod):
-    """Step-based realization (van Helmont et al. 1990; Miller and de Callafon 2009; seed 001, chapter 3).
+class Sbr(StateSpaceMethod[Records]):
+    """Step-based realization (van Helmont et al. 1990; Miller and de Callafon 2009; Miller 2012, chapter 3).
 
     While the input is constant, Y = O_r X + T U has all columns of T U equal; without them Y = O_r (X - X_0) and, one
     sample later, Y' = O_r A (X - X_0). From the SVD of Y, A = S^-1/2 U^T Y' V S^-1/2 and C is the first block of U S^1/2;
@@ -100,11 +100,11 @@ class Sbr(StateSpaceMethod):
 
     def compress(self, data: Records) -> StepFactor:
         """Factor the Hankel matrices of all responses, side by side, without their constant parts."""
-        outputs = joint_segments(tuple(replace(e, u=None, inputs=None) for e in data.measured))
+        outputs = joint_segments(tuple(e.without_inputs() for e in data.measured))
         ny, blocks = outputs[0].shape[1], []
         for e, y in zip(data.measured, outputs, strict=True):
             for a, b in self.long_enough(e):
-                H = hankel_of(y[a:b, :, None], self.block_rows + 1)
+                H = hankel_of(y[a:b][:, :, None], self.block_rows + 1)
                 blocks.append(H[:, 1:] - H[:, :1] if self.form == "printed" else H - H.mean(1, keepdims=True))
         ((L,),) = lq(np.hstack(blocks))
         left, values, right = la.svd(L[:-ny], full_matrices=False, check_finite=False)

@@ -36,14 +36,15 @@ class ShiftedData:
 
 
 def shifted_data(U: np.ndarray, Y: np.ndarray, ny: int, m: int) -> ShiftedData:
-    """Project r + 1 block rows of inputs out of r + 1 block rows of outputs (ny channels), seed 001 eq. (4.13)-(4.14).
+    """Project r + 1 block rows of inputs out of r + 1 block rows of outputs (ny channels), Miller (2012), eq. (4.13)-(4.14).
 
     The same projection serves both shifts, so that both have the states X S. m : channels of the instrument.
     """
     right = la.svd(U, check_finite=False)[2]
     S = right[len(U) :].T
     H = Y @ S
-    return ShiftedData(HankelSvd(*la.svd(H[:-ny], full_matrices=False, check_finite=False), ny, m), H[ny:], S)
+    left, values, right = la.svd(H[:-ny], full_matrices=False, check_finite=False)
+    return ShiftedData(HankelSvd(left, values, right, ny, m), H[ny:], S)
 
 
 def check_input_rows(U: np.ndarray, experiments: tuple[Experiment, ...], rows: int) -> None:
@@ -73,6 +74,11 @@ def reference_missing(data: Records) -> str | None:
     return None
 
 
+def instruments_of(parts: tuple[Experiment, ...], reference: bool) -> tuple[np.ndarray, ...]:
+    """Return the reference of each part, or its inputs."""
+    return tuple(e.u if not reference or e.reference is None else e.reference for e in parts)
+
+
 def covariances(
     experiments: tuple[Experiment, ...],
     instruments: tuple[np.ndarray, ...],
@@ -94,7 +100,7 @@ def covariances(
 def covariance_input_matrices(
     R_u: np.ndarray, R_y: np.ndarray, A: np.ndarray, C: np.ndarray, feedthrough: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return B, D by least squares on R_y = C R_x + D R_u, R_x(tau + 1) = A R_x(tau) + B R_u(tau); seed 001 eq. (5.6).
+    """Return B, D by least squares on R_y = C R_x + D R_u, R_x(tau + 1) = A R_x(tau) + B R_u(tau); Miller (2012), eq. (5.6).
 
     R_u (lags, nu, m), R_y (lags, ny, m). Each channel of the instrument is a record of its own, with covariances for
     samples and R_x at the first lag for its initial state (5.3 in print counts powers of A from lag 0 instead): that is

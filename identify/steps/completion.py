@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def complete(
     circular: np.ndarray | None = None,
     uncertainty: Callable[[StateSpaceModel, X0], Uncertainty] | None = None,
     warnings: tuple[str, ...] = (),
-    **found: object,
+    **found: Any,
 ) -> Estimate:
     """Return the estimate of a method that has found A (n, n) and C (ny, n) on gap-free parts of the records.
 
@@ -86,7 +87,7 @@ def complete(
         inputs.B,
         C,
         inputs.D,
-        first.dt,
+        first.uniform_dt,
         K=None if noise is None else noise.K,
         innovation_cov=None if noise is None else noise.cov,
         inputs=first.inputs if inputs.B.shape[1] else (),

@@ -14,6 +14,7 @@ from excite.numerics.correlation import Joint
 from excite.numerics.hankel import GRAM_CONDITION, HankelFactor, block_rows, condition_of, hankel_factor
 from excite.persistency.certificate import RANK_TOLERANCE, certify
 from excite.types.experiment import Experiment
+from identify.data.records import constant
 
 RANK = 1e-11  # singular values of scaled rows below this fraction of the largest are rounding
 
@@ -74,22 +75,9 @@ class PastFuture:
 
 def joint_segments(experiments: tuple[Experiment, ...]) -> list[Joint]:
     """Return [u, y] of each experiment, (N_i, nu + ny), refusing constant channels."""
-    segments = [Joint((e.u, e.y)) for e in experiments]
-    first, constant = segments[0][:1], np.ones(segments[0].shape[1], bool)
-    for w in segments:
-        for start in range(0, len(w), 1000):
-            if not constant.any():  # as a rule after the first thousand samples
-                return segments
-            constant &= (w[start : start + 1000] == first).all(0)
-    inputs, outputs, value = experiments[0].inputs, experiments[0].outputs, first[0]
-    for i in np.flatnonzero(constant):
-        if i < len(inputs):
-            raise ExciteError(
-                f"input '{inputs[i].name}' is constant ({value[i]:g}), so it is persistently exciting of order "
-                f"{int(value[i] != 0)} only; excite it or drop the channel"
-            )
-        raise ExciteError(f"output '{outputs[i - len(inputs)].name}' is constant ({value[i]:g}); drop the channel")
-    return segments
+    if reason := constant(experiments):
+        raise ExciteError(reason)
+    return [Joint((e.u, e.y)) for e in experiments]
 
 
 def compress(experiments: tuple[Experiment, ...], past: int, future: int) -> PastFuture:
@@ -122,7 +110,7 @@ def require_excitation(data: PastFuture, start: int, stop: int, what: str) -> No
 
 
 def lq(*groups: np.ndarray) -> list[list[np.ndarray]]:
-    """LQ decomposition of stacked row groups: blocks L[i][j] with group_i = sum_j L[i][j] Q_j, seed 000 eq. (3.16)."""
+    """LQ decomposition of stacked row groups: blocks L[i][j] with group_i = sum_j L[i][j] Q_j, Kee (2013), eq. (3.16)."""
     L = lower_factor(np.vstack(groups))
     cuts = [slice(a, b) for a, b in pairwise(_edges(groups))]
     return [[L[i, j] for j in cuts] for i in cuts]

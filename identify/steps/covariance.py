@@ -10,10 +10,11 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import get_window
 
 from excite.errors import ExciteError
+from excite.numerics.correlation import Segment
 
 BLOCK_VALUES = 250_000  # doubles in one block of samples: 2 MB, so that its transform stays in the cache
 
-Pairs = Sequence[tuple[np.ndarray, np.ndarray]]
+Pairs = Sequence[tuple[Segment, Segment]]
 
 
 def cross_covariance(pairs: Pairs, first_lag: int, last_lag: int) -> np.ndarray:
@@ -35,7 +36,7 @@ def cross_covariance(pairs: Pairs, first_lag: int, last_lag: int) -> np.ndarray:
     c = pairs[0][0].shape[1]
     size = next_fast_len(max(8 * lags, min(count + lags, BLOCK_VALUES // c)), real=True)
     step = size - lags + 1
-    spectrum = 0.0
+    spectrum = np.zeros(())  # takes the shape of what is added
     for w, xi in pairs:
         stop = len(w) - after
         for start in range(before, stop, step):
@@ -45,7 +46,7 @@ def cross_covariance(pairs: Pairs, first_lag: int, last_lag: int) -> np.ndarray:
 
 
 def smoothed_covariance(pairs: Pairs, first_lag: int, last_lag: int, segments: int) -> np.ndarray:
-    """Return the covariance function of Welch's cross-spectrum, (lags, c, m): seed 001, 5.4.2 and C.1 (`xcovsmooth`).
+    """Return the covariance function of Welch's cross-spectrum, (lags, c, m): Miller (2012), 5.4.2 and C.1 (`xcovsmooth`).
 
     Each record is cut into `segments` pieces that overlap by half, with a Hamming window on both signals. The mean of
     such an estimate is R(tau) times the window's own covariance function, which is divided out; so the linear relation
@@ -60,7 +61,7 @@ def smoothed_covariance(pairs: Pairs, first_lag: int, last_lag: int, segments: i
         )
     window = get_window("hamming", length)[:, None]
     size = next_fast_len(length + reach, real=True)
-    spectrum, count = 0.0, 0
+    spectrum, count = np.zeros(()), 0  # takes the shape of what is added
     for w, xi in pairs:
         for start in range(0, len(w) - length + 1, length // 2):
             piece = slice(start, start + length)

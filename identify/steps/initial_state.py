@@ -1,12 +1,14 @@
 """Initial state of a given model on a record."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 
-from excite.models.model import Dynamic
+from excite.models.model import Dynamic, Predictor
 from excite.models.polynomial import PolynomialModel
+from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import observability
 from excite.types.experiment import Experiment
 
@@ -26,11 +28,12 @@ def initial_state(model: Dynamic, experiment: Experiment, predictor: bool) -> np
         return _of_arx(model, experiment)
     if model.dt is None and experiment.dt is None:
         return _of_instants(model, experiment)
-    space = model.to_state_space() if model.dt is not None else model.to_state_space(experiment.dt)
+    to_space: Callable[..., StateSpaceModel] = model.to_state_space  # takes a sampling time in continuous time
+    space = to_space() if model.dt is not None else to_space(experiment.dt)
     A = space.predictor()[0] if predictor else space.A
     radius = np.abs(la.eigvals(A) if predictor else space.poles()).max(initial=0.0)
     head = experiment.window(0, _seen(radius, space.C))
-    residual = model.innovations(head) if predictor else head.y - model.response(head)
+    residual = model.innovations(head) if predictor and isinstance(model, Predictor) else head.y - model.response(head)
     length = int(np.argmin(np.isfinite(residual).all(1))) or len(residual)
     return free_response_fit(A, space.C, residual[:length])
 

@@ -1,5 +1,6 @@
 """Regions of the z-plane in which the eigenvalues of every state-space estimate may be held."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ def stable_dynamics(A: np.ndarray, C: np.ndarray, rows: int) -> np.ndarray:
 
 
 # One line adds a region by name: what stands there returns the region when it is called. Entry points: excite.regions.
-REGIONS: Registry[type[Region]] = Registry("region", {"stable": "identify.steps.regions:Stable"})
+REGIONS: Registry[Callable[[], Region]] = Registry("region", {"stable": "identify.steps.regions:Stable"})
 
 
 def region(given: "str | Region") -> Region:

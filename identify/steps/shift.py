@@ -76,7 +76,7 @@ Region = Callable[[Shift], tuple[np.ndarray, str | None]]
 
 def dynamics(shift: Shift, regions: Iterable[Region]) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return A inside all regions, applied one after the other, and what they changed."""
-    notes = []
+    notes: list[str] = []
     for region in regions:
         A, note = region(shift)
         if note is not None:

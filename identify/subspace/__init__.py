@@ -1,1 +1,1 @@
-"""Subspace methods, one a file."""
+"""Subspace methods, one per file."""

@@ -12,7 +12,7 @@ from identify.subspace.subspace_method import Subspace, TwoHorizonMethod
 
 @dataclass(frozen=True)
 class Iem(TwoHorizonMethod):
-    """Innovation estimation (Qin and Ljung 2003), seed 000 section 3.2.
+    """Innovation estimation (Qin and Ljung 2003), Kee (2013), section 3.2.
 
     Row by row, Y_fi = Gamma_fi L_p Z_p + H_fi U_(i-1) + G_fi E_(i-1) + E_fi by least squares (3.31), each residual E_fi
     becoming a regressor of the next rows. All f regressions are one triangular solve in the LQ factor of

@@ -20,7 +20,7 @@ ALGORITHMS = ("states", "robust")
 
 @dataclass(frozen=True)
 class N4sid(TwoHorizonMethod):
-    """N4SID with the weights of the unifying theorem (Van Overschee and De Moor 1994, 1995; seed 000 chapter 3).
+    """N4SID with the weights of the unifying theorem (Van Overschee and De Moor 1994, 1995; Kee 2013, chapter 3).
 
     O = Y_f /_(U_f) Z_p is the part of the future outputs that the past explains along the future inputs; the SVD of
     W1 O W2 gives the state X = J Z_p, with W1 = I, W2 = I ("n4sid"), W1 = I, W2 = Pi_(U_f)^perp ("moesp"), or
@@ -44,13 +44,13 @@ class N4sid(TwoHorizonMethod):
         data = future_lq(factor)
         past, future = data.groups(1, 3), data.groups(3, 4)
         seen = data.L[past] if self.weight == "n4sid" else data.L[past, past]
-        whitening = coloring = np.eye(len(data.on_past))
+        whitening = colouring = np.eye(len(data.on_past))
         if self.weight == "cva":
             free = data.L[future, data.groups(1, 4)]
             whitening, basis = orthonormal(free)
-            coloring = free @ basis.T  # inverse of the whitening where there is anything to whiten
+            colouring = free @ basis.T  # inverse of the whitening where there is anything to whiten
         left, values, _ = la.svd(whitening @ data.on_past @ seen, full_matrices=False, check_finite=False)
-        gamma = coloring @ left if self.algorithm == "robust" else None
+        gamma = colouring @ left if self.algorithm == "robust" else None
         return Subspace(values, left.T @ whitening, data.on_past, gamma)
 
     def realize(self, factor: PastFuture, order: int, data: Records) -> Estimate:

@@ -27,7 +27,9 @@ class ParsimK(TwoHorizonMethod):
     def decompose(self, factor: PastFuture) -> Subspace:
         """SVD of Gamma L_p Z_p."""
         p, f, nu, ny = self.past, self.future, factor.nu, factor.ny
-        Z, pairs, markov, rows = factor.z(), [], [], []
+        Z, rows = factor.z(), []
+        pairs: list[np.ndarray] = []
+        markov: list[np.ndarray] = []
         for i in range(f):
             u, y = factor.u(p + i, p + i + 1), factor.y(p + i, p + i + 1)
             known = sum((m @ w for m, w in zip(markov, reversed(pairs[1:]), strict=True)), np.zeros_like(y))

@@ -14,7 +14,7 @@ from identify.subspace.varx import varx
 class Pbsid(TwoHorizonMethod):
     """Optimised predictor-based subspace identification (Chiuso and Picci 2005, Chiuso 2007), the heir of `wfa`.
 
-    The coefficients of a high-order ARX model are C Ak^(i-1) [B - K D, K]; shifted to the past one block a row and
+    The coefficients of a high-order ARX model are C Ak^(i-1) [B - K D, K]; shifted to the past one block per row and
     filled with zeros they are Gamma(Ak, C) L_p up to Ak^p. The SVD of Gamma L_p Z_p gives the state; A, C, K by
     regression on it, B, D, x0 through the one-step predictor.
 

@@ -8,7 +8,7 @@ from identify.subspace.moesp import Moesp
 
 @dataclass(frozen=True)
 class PoMoesp(Moesp):
-    """Past-output MOESP (Verhaegen 1994) in the LQ form of seed 000, eq. (3.16)-(3.17).
+    """Past-output MOESP (Verhaegen 1994) in the LQ form of Kee (2013), eq. (3.16)-(3.17).
 
     MOESP with past inputs and outputs as instrument: [U_f; U_p; Y_p; Y_f] = L Q over N - 2 s + 1 columns; range [L42 L43] =
     range Gamma_f. block_rows : s, rows of past and of future each.

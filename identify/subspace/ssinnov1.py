@@ -39,7 +39,7 @@ class InnovationResponse:
 
 @dataclass(frozen=True)
 class Ssinnov1(TwoHorizonMethod):
-    """Innovation-based identification (Mercère, Markovsky and Ramos 2016; seed 003, section IV).
+    """Innovation-based identification (Mercère, Markovsky and Ramos 2016, section IV).
 
     The residual of a high-order ARX model estimates the innovations E_f. With the past projected out, the future obeys
     Y_f = H_u U_f + H_e E_f in open loop (27), E_f = Y_f - H_u U_f - H_y Y_f in closed loop (29), H being lower block

@@ -12,7 +12,9 @@ from identify.subspace.varx import varx
 
 @dataclass(frozen=True)
 class Ssinnov2(Ssinnov1):
-    """Data-driven impulse response, with innovations as further input (seed 003, IV-B, the function w2h of Markovsky 2012).
+    """Data-driven impulse response, with innovations as further input: w2h of Markovsky (2012).
+
+    Mercère, Markovsky and Ramos (2016), section IV-B.
 
     Any combination g of the Hankel columns with zero past and an impulse as future input has the impulse response as
     future output: [U_p; E_p; Y_p; U_f; E_f] g = [0; I; 0], h = Y_f g, g of least norm. With the innovations of a

@@ -62,7 +62,7 @@ class BlockHankel:
 
 
 @dataclass(frozen=True)
-class SubspaceMethod(StateSpaceMethod):
+class SubspaceMethod(StateSpaceMethod[Records]):
     """A method over past and future horizons; one decomposition serves all orders."""
 
     extent: ClassVar[str] = "past + future"  # what messages call the sum of the horizons

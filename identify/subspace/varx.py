@@ -9,7 +9,7 @@ from identify.steps.compression import PastFuture, regress
 
 @dataclass(frozen=True, eq=False)
 class Varx:
-    """y(t) = theta z(t) + D u(t) + e(t) with z(t) the past of t, oldest sample first, seed 003 eq. (20).
+    """y(t) = theta z(t) + D u(t) + e(t) with z(t) the past of t, oldest sample first, Mercère et al. (2016), eq. (20).
 
     theta (ny, p (nu + ny)); D (ny, nu), zero unless it was fitted; E (ny, …) : innovation rows.
     """

@@ -44,7 +44,7 @@ def dynamics(values: Mapping[str, float], surfaces: Sequence[str], sensors: np.n
     phi = [shapes(family) for family in families]
     owner = np.repeat(np.arange(len(surfaces)), [each.shape[1] for each in phi])  # the surface that moves each mode
     modes = [f"{family}_{i + 1}" for family, each in zip(families, phi, strict=True) for i in range(each.shape[1])]
-    phi, roll = np.hstack(phi), int("aileron" in surfaces)
+    displacement, roll = np.hstack(phi), int("aileron" in surfaces)
     ns, m = len(surfaces), len(modes)
 
     def column(names: Sequence[str], key: str) -> np.ndarray:
@@ -68,9 +68,9 @@ def dynamics(values: Mapping[str, float], surfaces: Sequence[str], sensors: np.n
         rate = p + values["gyro_elastic"] * q_dot[owner == aileron].sum(0)
     motion = np.vstack([d_dot, d_ddot, q_dot, q_ddot, p_dot, gust_dot])
 
-    acceleration = phi[: len(ACCELEROMETERS)] @ q_ddot
+    acceleration = displacement[: len(ACCELEROMETERS)] @ q_ddot
     felt = np.column_stack([tap_gains(s) for s in surfaces]) @ d
-    pressure = felt + tap_gains("upwash")[:, None] * (w - phi[len(ACCELEROMETERS) :] @ q_dot)
+    pressure = felt + tap_gains("upwash")[:, None] * (w - displacement[len(ACCELEROMETERS) :] @ q_dot)
     C = np.vstack([np.vstack([acceleration, pressure])[sensors], rate, d])[:, :n]
     A, B = zero_order_hold(motion[:, :n], motion[:, n:-1], DT)
     Gd = sampled_noise(motion[:, :n], motion[:, -1:], DT)

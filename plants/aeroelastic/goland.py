@@ -172,17 +172,21 @@ def modes(speeds: Sequence[float], parameters: Mapping[str, Any] | None = None) 
     speeds : m/s, positive, in any order; parameters : overrides as of `goland`.
     """
     wing = Wing.of(resolve("goland", PRESETS, "goland", parameters or {}))
-    speeds = np.asarray(speeds, float)
-    if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0)).all():
-        raise ExciteError(f"goland speeds: {speeds.tolist()}; give a list of positive speeds in m/s")
-    path = np.unique(np.concatenate([SEARCHED[SEARCHED < speeds.max()], speeds]))
-    s = []
+    asked = np.asarray(speeds, float)
+    if asked.ndim != 1 or not asked.size or not (np.isfinite(asked) & (asked > 0)).all():
+        raise ExciteError(f"goland speeds: {asked.tolist()}; give a list of positive speeds in m/s")
+    path = np.unique(np.concatenate([SEARCHED[SEARCHED < asked.max()], asked]))
+    followed: list[np.ndarray] = []
     for speed in path:
         poles = la.eigvals(wing.in_air(speed)[0])
         poles = poles[poles.imag >= 0]
-        now = linear_sum_assignment(np.abs(s[-1][:, None] - poles))[1] if s else np.argsort(poles.imag)[-2 * MODES :]
-        s.append(poles[now])
-    s = np.array(s)[np.searchsorted(path, speeds)]
+        now = (
+            linear_sum_assignment(np.abs(followed[-1][:, None] - poles))[1]
+            if followed
+            else np.argsort(poles.imag)[-2 * MODES :]
+        )
+        followed.append(poles[now])
+    s = np.array(followed)[np.searchsorted(path, asked)]
     return np.abs(s) / (2 * np.pi), -s.real / np.abs(s)
 
 

@@ -67,8 +67,9 @@ def shapes(family: str) -> np.ndarray:
     """Return the displacement of every sensor's place per modal coordinate, (94, modes); a tap's is that of the wing there."""
     odd = family == "antisymmetric"
     eta = np.array([k / SPAN for _, k, _ in WING] + [k / TAP_SPAN for _, k, _, _ in TAPS])
-    xi = np.array([CHORD[chord] for *_, chord in (*WING, *TAPS)])
-    side = np.array([SIDES[place[0]] if odd else 1.0 for place in (*WING, *TAPS)])
+    xi = np.array([CHORD[chord] for _, _, chord in WING] + [CHORD[chord] for _, _, _, chord in TAPS])
+    sides = [side for side, *_ in WING] + [side for side, *_ in TAPS]
+    side = np.array([SIDES[side] if odd else 1.0 for side in sides])
     wing = np.column_stack(
         [*(bending(root, eta) for root in BEAM), *(np.sin(k * np.pi * eta / 2) * xi for k in (1, 3))]
     )
@@ -100,4 +101,4 @@ def bending(root: float, eta: np.ndarray) -> np.ndarray:
     def shape(x: np.ndarray) -> np.ndarray:
         return np.cosh(root * x) - np.cos(root * x) - ratio * (np.sinh(root * x) - np.sin(root * x))
 
-    return shape(eta) / shape(1.0)
+    return shape(eta) / shape(np.ones(1))

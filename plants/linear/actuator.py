@@ -118,7 +118,7 @@ IN_FRONT: dict[str, Parameter] = {
     ),
     "actuator_saturation": Parameter(NONE, "of input", "largest modulus behind the quantiser"),
     "actuator_rate": Parameter(NONE, "of input/s", "largest rate behind the saturation"),
-    "actuator_backlash": Parameter(NONE, "of input", "width of the play behind the rate limit"),
+    "actuator_backlash": Parameter(NONE, "of input", "width of the backlash behind the rate limit"),
 }
 
 

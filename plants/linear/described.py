@@ -184,7 +184,8 @@ def _filter(given: Mapping[str, Any], place: str, count: int) -> System:
     """Return a stable filter from and to `count` channels; a transfer function serves each channel by itself."""
     system = _system(given, f"{place}.")
     if "num" in given and count > 1:
-        system = tuple(np.kron(np.eye(count), part) for part in system)
+        A, B, C, D = (np.kron(np.eye(count), part) for part in system)
+        system = A, B, C, D
     if system[3].shape != (count, count):
         raise ExciteError(f"'{place}': is {_size(system[3])}; it must be {count} x {count}")
     if (radius := spectral_radius(system[0])) >= 1:
@@ -239,10 +240,10 @@ def matrix_of(value: object, place: str, shape: tuple[int, int] | None = None) -
     if isinstance(value, np.ndarray):
         return value
     rows = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
-    rows = [row if isinstance(row, list) else [row] for row in rows]
-    if not rows[0] or len({len(row) for row in rows}) > 1:
+    table: list[list[Any]] = [row if isinstance(row, list) else [row] for row in rows]
+    if not table[0] or len({len(row) for row in table}) > 1:
         raise ExciteError(f"'{place}': {value!r}; give rows of equal length, [[…], […]]")
-    matrix = np.array([[number(each, f"'{place}'") for each in row] for row in rows])
+    matrix = np.array([[number(each, f"'{place}'") for each in row] for row in table])
     if shape is not None and matrix.shape != shape:
         raise ExciteError(f"'{place}': is {_size(matrix)}; it must be {shape[0]} x {shape[1]}")
     return matrix

@@ -139,7 +139,7 @@ def play(
         return np.tile(u, runs), np.tile(v, runs), answer
     answer = _superpose(loop, reference, noise, x0)
     u, y = answer[:, :, :nu], answer[:, :, nu:]
-    if all(element.passes(each) for element in elements for each in u):
+    if feedback is None or all(element.passes(each) for element in elements for each in u):
         return u, u, y
     return _step(plant, feedback, elements, reference, noise, x0)
 

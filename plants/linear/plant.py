@@ -129,6 +129,7 @@ class LinearPlant(Plant):
             A, B, G, C, D, H = plant.A, plant.B, plant.G, plant.C, plant.D, plant.H
             own = plant.A[:n, :n]
         else:
+            assert self.feedback is not None  # every other view is of a loop
             loop = interconnect(plant, self.feedback)
             m = len(self.feedback.measured)
             entering = slice(0, nu) if view == "input_response" else slice(nu, nu + m)
@@ -157,7 +158,7 @@ class LinearPlant(Plant):
     def _reference(self, task: Task) -> np.ndarray:
         """Return [r1, r2] (N, ·) of the diagram."""
         r = task.u
-        if task.inject == "filtered_input":
+        if task.inject == "filtered_input" and self.input_filter is not None:
             return self.input_filter.simulate(r)
         if self.feedback is None:
             return r

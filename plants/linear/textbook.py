@@ -145,8 +145,8 @@ etfe_transient = _example(
 def _two_masses(values: Mapping[str, Any]) -> dict[str, Any]:
     """m1 x1'' = u - friction x1' - F, m2 x2'' = F, F = stiffness (x1 - x2) + damping (x1' - x2'); y = [x1, x2]."""
     m1, m2, k, d, b = (values[name] for name in ("mass_1", "mass_2", "stiffness", "damping", "friction"))
-    A = [[0, 1, 0, 0], [-k / m1, -(d + b) / m1, k / m1, d / m1], [0, 0, 0, 1], [k / m2, d / m2, -k / m2, -d / m2]]
-    A, B = zero_order_hold(np.array(A), np.array([[0], [1 / m1], [0], [0]]), values["dt"])
+    A_c = [[0, 1, 0, 0], [-k / m1, -(d + b) / m1, k / m1, d / m1], [0, 0, 0, 1], [k / m2, d / m2, -k / m2, -d / m2]]
+    A, B = zero_order_hold(np.array(A_c), np.array([[0], [1 / m1], [0], [0]]), values["dt"])
     return {
         "dt": values["dt"],
         "A": A,
@@ -195,13 +195,13 @@ def _pendulum(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     M, m, b, l, I, g = (values[name] for name in ("cart", "mass", "friction", "length", "inertia", "gravity"))
     J, p = I + m * l**2, I * (M + m) + M * m * l**2
-    A = [
+    A_c = [
         [0, 1, 0, 0],
         [0, -J * b / p, m**2 * g * l**2 / p, 0],
         [0, 0, 0, 1],
         [0, -m * l * b / p, m * g * l * (M + m) / p, 0],
     ]
-    A, B = zero_order_hold(np.array(A), np.array([[0], [J / p], [0], [m * l / p]]), values["dt"])
+    A, B = zero_order_hold(np.array(A_c), np.array([[0], [J / p], [0], [m * l / p]]), values["dt"])
     C = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0]])
     try:
         X = la.solve_discrete_are(A, B, C.T @ C, np.array([[0.01]]))

@@ -13,6 +13,7 @@ from excite.errors import ExciteError, SimulationStopped, placed
 from excite.models.state_space import StateSpaceModel
 from excite.plain import plain
 from excite.types.channel import Channel
+from excite.types.checked import NOT_GIVEN
 from excite.types.truth import Truth
 from plants.arguments import NONE, Parameter, is_there, resolve
 from plants.linear.actuator import Saturation
@@ -40,7 +41,9 @@ PRESETS: dict[str, dict[str, Parameter]] = {
         ),
         "inputs": Parameter(NONE, "1", "names with units; none: those of the actuators, without unit"),
         "outputs": Parameter(NONE, "1", "names with units; none: those of the sensors"),
-        "limits": Parameter([1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one each"),
+        "limits": Parameter(
+            [1.0], "of input", "assumption: for actuators without ctrlrange; one number, or one per actuator"
+        ),
         "setpoint_limits": Parameter([1.0], "of output", "assumption: one number, or one per set-point"),
     }
 }
@@ -55,8 +58,8 @@ class Mjcf(LinearPlant):
     do not depend on the control of the same instant; forces and accelerations do.
     """
 
-    model: mujoco.MjModel | None = None
-    trim: Trim | None = None
+    model: mujoco.MjModel = NOT_GIVEN  # always given; a default, because the fields before have some
+    trim: Trim = NOT_GIVEN
     steps: int = 1
 
     @property
@@ -92,7 +95,7 @@ class Mjcf(LinearPlant):
             mujoco.mj_step1(model, data)  # positions and velocities, so that the control can follow from them
             states = trim.states(model, data)
             given = r1
-            if c:
+            if feedback and c:
                 seen = trim.outputs(data, states) + w_y
                 given = r1 + c.C @ xc + c.D @ (r2 + feedback.sign * seen[list(feedback.measured)])
             u[k] = given
@@ -102,8 +105,8 @@ class Mjcf(LinearPlant):
             data.ctrl[:] = trim.ctrl + given + w_u
             mujoco.mj_step2(model, data)  # forces and accelerations, and on to the next step
             y[k] = trim.outputs(data, states) + w_y
-            if c:
-                xc = c.A @ xc + c.B @ (r2 + feedback.sign * y[k, list(feedback.measured)])
+            if feedback and c:
+                xc = c.A @ xc + c.B @ (r2 + feedback.sign * y[k][list(feedback.measured)])
             self._check(data, y[k], k)
             for _ in range(self.steps - 1):
                 mujoco.mj_step(model, data)
@@ -150,8 +153,8 @@ def _fields(values: Mapping[str, Any], model: mujoco.MjModel) -> dict[str, Any]:
     dynamics = linearise(model, trim, steps)
     actuators = [f"{model.actuator(i).name or f'actuator_{i}'} [1]" for i in range(model.nu)]
     sensors = sensor_channels(model)
-    inputs = channels_of({"inputs": actuators} | values, "inputs", model.nu, "u")
-    outputs = channels_of({"outputs": sensors} | values, "outputs", len(sensors), "y")
+    inputs = channels_of({"inputs": actuators, **values}, "inputs", model.nu, "u")
+    outputs = channels_of({"outputs": sensors, **values}, "outputs", len(sensors), "y")
     states = tuple(Channel(*each) for each in state_names(model)) if trim.full else ()
     limited = model.actuator_ctrllimited.astype(bool)
     bounds = np.where(limited[:, None], model.actuator_ctrlrange - trim.ctrl[:, None], np.inf * np.array([-1.0, 1.0]))

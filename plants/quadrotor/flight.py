@@ -99,8 +99,8 @@ class Body:
     def many(cls, model: mujoco.MjModel, flights: int) -> "Body":
         """Return a body whose quantities are arrays over flights, stepped on one core."""
         batch = mujoco.batch.Batch(model, flights, nthread=1)
-        views = (batch.bind(name).T for name in ("qpos", "qvel", "act", "ctrl", "qfrc_applied"))
-        return cls(*views, np.ndarray.copy, batch.step, ARRAYS)
+        qpos, qvel, act, ctrl, applied = (batch.bind(n).T for n in ("qpos", "qvel", "act", "ctrl", "qfrc_applied"))
+        return cls(qpos, qvel, act, ctrl, applied, np.ndarray.copy, batch.step, ARRAYS)
 
 
 def fly_one(
@@ -108,7 +108,7 @@ def fly_one(
 ) -> np.ndarray:
     """Return the log (N, channels) of one flight."""
     noise = {name: each.tolist() for name, each in _noise(values, levels, seed, len(played.u)).items()}
-    log = []
+    log: list[Sequence[float]] = []
     _fly(Body.one(model), values, played, noise, [seed], log.append)
     return np.array(log)
 
@@ -151,7 +151,7 @@ def _fly(
     body: Body,
     values: Mapping[str, float],
     played: Excitation,
-    noise: Mapping[str, Sequence],
+    noise: Mapping[str, Sequence | np.ndarray],
     seeds: Sequence[int],
     record: Callable[[tuple], Any],
 ) -> None:

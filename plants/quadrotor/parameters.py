@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -139,6 +140,8 @@ NOISE_SOURCES: dict[str, dict[str, Parameter]] = {
     "outdoors": _NOISE_OUTDOORS,
 }
 
+Quantity = TypeVar("Quantity", float, np.ndarray)
+
 
 @dataclass(frozen=True)
 class ThrustMap:
@@ -148,7 +151,7 @@ class ThrustMap:
     b: float
     c: float
 
-    def thrust(self, command: float) -> float:
+    def thrust(self, command: Quantity) -> Quantity:
         """Thrust at a command; also elementwise on arrays."""
         return (self.a * command + self.b) * command + self.c
 

@@ -161,10 +161,11 @@ class Quadrotor(Plant):
         for first in range(0, len(seeds), at_once):
             some = seeds[first : first + at_once]
             if len(some) < MANY:
-                logs = (fly_one(self.model, self.values, played, task.levels, seed) for seed in some)
+                for seed in some:
+                    yield self._shown(u, fly_one(self.model, self.values, played, task.levels, seed))
             else:
-                logs = fly_many(self.model, self.values, played, task.levels, some)
-            yield from (self._shown(u, log) for log in logs)
+                for log in fly_many(self.model, self.values, played, task.levels, some):
+                    yield self._shown(u, log)
 
     def _takeoff(self, task: Task) -> int:
         """Return the steps of the take-off, whole samples of the signal."""

@@ -42,7 +42,10 @@ def check(
     as_json: bool,
     **reading: Any,
 ) -> int:
-    """Certify the persistency of excitation of the inputs in FILE; exit code 3 when it is not enough for what is asked."""
+    """Certify the persistency of excitation of the inputs in FILE.
+
+    Exit code 3 when it is not enough for what is asked.
+    """
     from scenarios.report.tables import certificate_text
 
     draw = plot_later(plot)

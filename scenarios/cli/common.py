@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
@@ -15,12 +15,15 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one st
 limits_option = click.option(
     "--limits", type=click.Path(), metavar="FILE", help="TOML file of hardware limits (amplitude, rate, bits, …)."
 )
-plot_option = click.option(
-    "--plot",
-    type=click.Path(),
-    metavar="FILE",
-    help="Draw signal, spectrum, autocorrelation and histogram (.png, .svg, .pdf, or its data: .json, .csv).",
-)
+
+
+def plot_option_of(what: str) -> Callable:
+    """Return the option --plot of a command that draws `what`."""
+    ways = "(.png, .svg, .pdf, or its data: .json, .csv)"
+    return click.option("--plot", type=click.Path(), metavar="FILE", help=f"Draw {what} {ways}.")
+
+
+plot_option = plot_option_of("signal, spectrum, autocorrelation and histogram")
 
 
 class Order(click.ParamType):

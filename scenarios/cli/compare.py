@@ -41,9 +41,10 @@ def compare(
     as_json: bool,
     **reading: Any,
 ) -> int:
-    """Fit several methods and orders to the data in FILEs and rank them by fit on validation data.
+    """Fit several methods and orders to FILEs and rank them.
 
-    Finished fits are kept in the folder: the same command goes on where it was interrupted.
+    They are ranked by their fit on validation data. Finished fits are kept in the folder: the same
+    command goes on where it was interrupted.
     """
     from identify.compare import entries
     from identify.settings import load_methods

@@ -1,4 +1,4 @@
-"""excite design: one subcommand a generator, its options read from the generator's signature and documentation."""
+"""excite design: one subcommand per generator, its options read from the generator's signature and documentation."""
 
 import inspect
 import re
@@ -8,7 +8,7 @@ from contextlib import nullcontext
 import click
 
 from excite.errors import ExciteError, did_you_mean, placed
-from excite.files import load_signal, save_signal
+from excite.files import save_signal
 from excite.files.toml import read_toml
 from excite.generators import GENERATORS
 from excite.limits.limits import Limits, load_limits
@@ -19,7 +19,7 @@ from excite.proposal.proposal import propose as propose_design
 from excite.types.signal import Signal
 from scenarios.cli.common import json_option, limits_option, plot_option, toml_value
 from scenarios.cli.output import new_file, played_lines, plot_later, print_json, print_lines
-from scenarios.scenario.spec import play, read_excitation
+from scenarios.scenario.excitation import play, read_excitation
 from scenarios.scenario.toml_table import TomlTable, at_least
 
 
@@ -36,7 +36,7 @@ class Generators(click.Group):
             return OTHERS[name]
         if name not in GENERATORS:
             raise click.UsageError(f"no signal '{name}'; {did_you_mean(name, [*GENERATORS, *OTHERS])}", ctx)
-        command = click.Command(name, callback=_play(name), help=inspect.getdoc(GENERATORS[name]).splitlines()[0])
+        command = click.Command(name, callback=_play(name), help=_summary(GENERATORS[name]))
         documented = documentation(GENERATORS[name])
         for parameter in inspect.signature(GENERATORS[name]).parameters.values():
             required = parameter.default is inspect.Parameter.empty
@@ -58,6 +58,12 @@ def documentation(function: Callable) -> dict[str, str]:
     return {name.strip(): " ".join(text.split()) for names, _, text in pairs for name in names.split(",")}
 
 
+def _summary(function: Callable) -> str:
+    """Return the first line of a function's documentation as a sentence about what it returns."""
+    line = (inspect.getdoc(function) or "").partition("\n")[0].removeprefix("Return ").rstrip(":.")
+    return f"{line[:1].upper()}{line[1:]}."
+
+
 def _play(name: str) -> Callable:
     def command(
         out: str, block_rows: int, as_json: bool, limits: str | None, plot: str | None, **given: str | None
@@ -66,8 +72,9 @@ def _play(name: str) -> Callable:
         draw = plot_later(plot)
         parameters = {key: toml_value(text) for key, text in given.items() if text is not None}
         bounds = None if limits is None else load_limits(limits)
-        _write(out, _prepared(GENERATORS[name](**parameters), limits, bounds, block_rows), as_json, {}, [])
-        draw(load_signal(out), bounds)
+        played = _prepared(GENERATORS[name](**parameters), limits, bounds, block_rows)
+        _write(out, played, as_json, {}, [])
+        draw(played.signal, bounds)
         return 0
 
     return command
@@ -114,7 +121,10 @@ def propose(
     out: str,
     as_json: bool,
 ) -> int:
-    """Propose a signal from what is known of the plant, say why, and write it."""
+    """Choose all parameters of a signal, and say why.
+
+    They follow from what is known of the plant, or from the model of the last experiment.
+    """
     new_file(out)
     if model is not None:
         from identify.estimate_json import load_estimate
@@ -141,12 +151,21 @@ def propose(
 @click.command()
 @click.argument("file", type=click.Path())
 @click.option("-o", "out", required=True, metavar="FILE", help="File to write (.csv, .npz, .mat).")
-@click.option("--block-rows", type=click.IntRange(1), default=20, show_default=True, help="Order to certify.")
+@click.option(
+    "--block-rows",
+    type=click.IntRange(1),
+    default=20,
+    show_default=True,
+    help="Block rows to certify: the largest order that can be shown.",
+)
 @limits_option
 @plot_option
 @json_option
 def parts(file: str, out: str, block_rows: int, limits: str | None, plot: str | None, as_json: bool) -> int:
-    """Play the [[excitation]] parts of a TOML file one after the other, each with its rest (rest_s)."""
+    """Play the [[excitation]] parts of a TOML file in turn.
+
+    Each part is followed by its rest (rest_s).
+    """
     new_file(out, file)
     draw = plot_later(plot)
     top = TomlTable(read_toml(file), f"{file}: ")
@@ -156,8 +175,9 @@ def parts(file: str, out: str, block_rows: int, limits: str | None, plot: str | 
     with placed(file):
         signal = play(chosen, channels, seed)
     bounds = None if limits is None else load_limits(limits)
-    _write(out, _prepared(signal, limits, bounds, block_rows), as_json, {}, [])
-    draw(load_signal(out), bounds)
+    played = _prepared(signal, limits, bounds, block_rows)
+    _write(out, played, as_json, {}, [])
+    draw(played.signal, bounds)
     return 0
 
 
@@ -172,4 +192,7 @@ def _short(value: object) -> str:
 
 @click.group(cls=Generators)
 def design() -> None:
-    """Design a signal, certify it and write both; `excite design SIGNAL --help` lists its options."""
+    """Design a signal, certify it and write both.
+
+    `excite design SIGNAL --help` lists the options of a signal.
+    """

@@ -32,7 +32,10 @@ Finding = tuple[bool, str]  # whether it is as it should be, and what to say
 
 @click.command()
 def doctor() -> int:
-    """Check versions, clashing package names, plug-ins and plants; exit code 2 when something is wrong."""
+    """Check whether this installation is well.
+
+    Versions, clashing package names, plug-ins and plants; exit code 2 when something is wrong.
+    """
     findings = [finding for check in CHECKS for finding in _safely(check)]
     wrong = sum(not well for well, _ in findings)
     lines = [f"python {platform.python_version()} on {platform.platform()}", *(line for _, line in findings)]
@@ -51,7 +54,7 @@ def versions() -> Iterator[Finding]:
 
 def names() -> Iterator[Finding]:
     """Find other packages of our names: installed over ours, before ours on the path, or in the working folder."""
-    home, owners = Path(import_module("excite").__file__).parents[1], metadata.packages_distributions()
+    home, owners = Path(import_module("excite").__path__[0]).parent, metadata.packages_distributions()
     for name in OURS:
         spec = find_spec(name)
         if spec is None or spec.origin != str(home / name / "__init__.py"):

@@ -26,7 +26,10 @@ from scenarios.cli.reading import read_signal, signal_options
 @plot_option
 @json_option
 def export(file: str, fmt: str, out: str, limits: str | None, plot: str | None, as_json: bool, **reading: Any) -> int:
-    """Write the signal in FILE for the hardware, with the certificate of what will be played."""
+    """Write the signal in FILE for hardware or in another format.
+
+    It is certified as what will be played.
+    """
     extension = new_file(out, file).suffix.lower()
     owners = [name for name in named(extension) if FORMATS[name].write]
     if owners and fmt in FORMATS and fmt not in owners:

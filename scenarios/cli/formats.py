@@ -13,7 +13,10 @@ from scenarios.cli.output import print_json, print_lines
 @click.argument("name", required=False)
 @json_option
 def formats(name: str | None, as_json: bool) -> int:
-    """List the file formats, or describe one: extensions, reading, writing, and what it wants of a signal."""
+    """List the file formats, or describe one.
+
+    A description names extensions, reading, writing, and what the format wants of a signal.
+    """
     described = {key: describe_format(key) for key in ([name] if name else sorted(FORMATS))}
     if as_json:
         print_json({"schema_version": 1, "formats": described})

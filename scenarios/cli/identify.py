@@ -34,7 +34,10 @@ def identify(
     as_json: bool,
     **reading: Any,
 ) -> int:
-    """Identify a model from one or several data FILEs (several: one estimate from all of them)."""
+    """Identify a model from one or several data FILEs.
+
+    Several files give one estimate from all of them.
+    """
     from identify.estimate_json import estimate_to_dict
     from identify.fit import fit as identify_from
     from identify.registry import load_method

@@ -56,8 +56,8 @@ def cli() -> None:
     """Design an identification experiment, play it, identify models and score them.
 
     \b
-    Exit codes: 0 fine; 1 an expectation of a scenario missed; 2 bad input or usage; 3 design refused;
-    70 a bug; 130 interrupted.
+    Exit codes: 0 fine; 1 an expectation of a scenario missed;
+    2 bad input or usage; 3 design refused; 70 a bug; 130 interrupted.
     """
 
 

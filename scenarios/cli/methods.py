@@ -12,7 +12,7 @@ from scenarios.cli.output import print_json, print_lines
 @click.argument("name", required=False)
 @json_option
 def methods(name: str | None, as_json: bool) -> int:
-    """List the identification methods, or describe one with its settings."""
+    """List the methods, or describe one with its settings."""
     described = {key: describe_method(key) for key in ([name] if name else sorted(METHODS))}
     if as_json:
         print_json({"schema_version": 1, "methods": described})

@@ -9,7 +9,7 @@ import numpy as np
 from excite.errors import ExciteError, placed
 from identify.orders.criteria import Criteria
 from identify.orders.table import OrderTable
-from scenarios.cli.common import assignments, json_option, parse_orders
+from scenarios.cli.common import assignments, json_option, parse_orders, plot_option_of
 from scenarios.cli.output import new_file, print_json, print_lines, save_plot
 from scenarios.cli.reading import data_options, read_experiment
 
@@ -24,9 +24,7 @@ CRITERION_KEYS = [field.name for field in fields(Criteria)]
 )
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Method setting, e.g. block_rows=20.")
 @data_options
-@click.option(
-    "--plot", type=click.Path(), metavar="FILE", help="Draw singular values, criteria and stabilisation diagram."
-)
+@plot_option_of("singular values, criteria and stabilisation diagram")
 @json_option
 def orders(
     file: tuple[str, ...],
@@ -37,7 +35,10 @@ def orders(
     as_json: bool,
     **reading: Any,
 ) -> int:
-    """Say what speaks for each order: singular-value gap, information criteria, poles that stay from order to order."""
+    """Say what speaks for each order of a model.
+
+    Singular-value gap, information criteria, and poles that stay from order to order.
+    """
     from identify.orders.table import order_table
     from identify.registry import load_method
 
@@ -108,8 +109,8 @@ def _lines(table: OrderTable) -> list[str]:
             [
                 str(row.order),
                 _number(row.gap),
-                _number(row.criteria and row.criteria.aic - best_aic),
-                _number(row.criteria and row.criteria.bic - best_bic),
+                _number(None if row.criteria is None else row.criteria.aic - best_aic),
+                _number(None if row.criteria is None else row.criteria.bic - best_bic),
                 _number(row.radius),
                 f"{len(stable)} of {len(mine)}" if mine else "",
                 row.reason or "",

@@ -10,7 +10,7 @@ from excite.types.channel import listed
 from plants.describe import describe_plant
 from plants.plant import Plant
 from plants.registry import PLANTS, load_plant
-from scenarios.cli.common import assignments, json_option
+from scenarios.cli.common import assignments, json_option, plot_option_of
 from scenarios.cli.output import print_json, print_lines, save_plot
 
 
@@ -18,12 +18,13 @@ from scenarios.cli.output import print_json, print_lines, save_plot
 @click.argument("name", required=False)
 @click.option("--preset", metavar="NAME", help="A preset of the plant's parameters.")
 @click.option("--set", "parameters", metavar="KEY=VALUE", multiple=True, help="Override a parameter of the plant.")
-@click.option(
-    "--plot", type=click.Path(), metavar="FILE", help="Draw step, Bode and poles of its truth (.png, .svg, .pdf)."
-)
+@plot_option_of("step response, frequency response and poles of its truth")
 @json_option
 def plants(name: str | None, preset: str | None, parameters: tuple[str, ...], plot: str | None, as_json: bool) -> int:
-    """List the simulated plants, or describe one: inputs, limits, outputs, parameters, noise, truth."""
+    """List the simulated plants, or describe one.
+
+    A description names inputs, limits, outputs, parameters, noise and truth.
+    """
     if name is None and (preset or parameters or plot):
         raise ExciteError(
             "plants: --preset, --set and --plot are of one plant; give its name, as in excite plants quadrotor"

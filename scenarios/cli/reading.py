@@ -24,18 +24,18 @@ DATA_OPTIONS = (
     click.option("--reference", metavar="COLUMNS", help="Reference columns."),
     dt_option,
     time_option,
-    click.option("--view", metavar="NAME", help="Which view of one of our own recordings."),
+    click.option("--view", metavar="NAME", help="Which view of a recording."),
     click.option("--setting", hidden=True, expose_value=False, callback=lambda _, __, value: _renamed(value)),
     click.option(
         "--loop",
         type=click.Choice(LOOPS),
-        help="Whether the inputs depended on the outputs through feedback. Our own files say it; any other counts as open "
+        help="Whether the inputs depended on the outputs through feedback. Files of excite say it; any other counts as open "
         "when nothing is given.",
     ),
     click.option(
         "--level",
         type=click.Choice([state for state in LEVELS if state != "known"]),
-        help="What the numbers are measured from: the operating point (zero), or unknown. Our own files say it; any other "
+        help="What the numbers are measured from: the operating point (zero), or unknown. Files of excite say it; any other "
         "counts as zero when nothing is given.",
     ),
     click.option(

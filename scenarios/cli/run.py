@@ -21,16 +21,17 @@ from scenarios.cli.output import ProgressLine, as_path, print_json, print_lines
 )
 @json_option
 def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json: bool) -> int:
-    """Run SCENARIO (a file or a shipped name): design, fly, identify, score, report.
+    """Design, play, identify, score and report, as SCENARIO says.
 
-    A run that was interrupted goes on where it was when the same command is given again; --runs may change between.
+    SCENARIO is a TOML file or a shipped name (`excite scenarios` lists them). A run that was interrupted goes on
+    where it was when the same command is given again; --runs may change between.
     """
     from scenarios.report.figures import all_figures, rendered, write_figures
     from scenarios.report.page import write_report
     from scenarios.report.text import failures, summary_text
     from scenarios.run.results import to_json
     from scenarios.run.run import run_scenario
-    from scenarios.scenario.spec import load_scenario
+    from scenarios.scenario.reading import load_scenario
 
     checked = load_scenario(scenario, runs)
     if folder == "":

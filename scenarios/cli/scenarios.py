@@ -7,14 +7,14 @@ import click
 from excite.errors import ExciteError, did_you_mean
 from scenarios.cli.common import json_option
 from scenarios.cli.output import print_json, print_lines
-from scenarios.scenario.spec import shipped
+from scenarios.scenario.reading import shipped
 
 
 @click.command()
 @click.argument("name", required=False)
 @json_option
 def scenarios(name: str | None, as_json: bool) -> int:
-    """List the shipped scenarios, or print one as a starting point for your own."""
+    """List the shipped scenarios, or print one to start from."""
     known = shipped()
     if name is not None and name not in known:
         raise ExciteError(f"scenario '{name}' is not shipped; {did_you_mean(name, known)}")

@@ -20,7 +20,7 @@ from scenarios.cli.reading import data_options, read_experiment
     type=click.Choice(["auto", "none"]),
     default="none",
     show_default=True,
-    help="auto: score against the truth of the simulated plant that FILE, one of our recordings, comes from.",
+    help="auto: score against the truth of the simulated plant that FILE, a recording of excite, comes from.",
 )
 @data_options
 @json_option
@@ -45,7 +45,8 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> i
         if metric := find_metric(name):
             click.echo(f"{name:<34} {value:>10.4g}  {metric.summary}")
     unasked = {Need.CLEAN} | ({Need.TRUTH, Need.TRUE_MODEL} if known is None else set())
-    lacking = {name: why for name, why in result.reasons.items() if not find_metric(name).needs & unasked}
+    expected = {name for name in result.reasons if (metric := find_metric(name)) and metric.needs & unasked}
+    lacking = {name: why for name, why in result.reasons.items() if name not in expected}
     for reason, names in by_reason(lacking).items():
         click.echo(f"no {', '.join(names)}: {reason}")
     return 0

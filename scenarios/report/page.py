@@ -125,7 +125,7 @@ def _view(view: ViewResult, stem: str, figures: Mapping[str, Drawn]) -> str:
     )
     band = f", scored over {found.band_hz[0]:.3g} to {found.band_hz[1]:.3g} Hz" if found.band_hz else ""
     html = f"<p>From {escape(listed(roles.inputs))} to {escape(listed(roles.outputs))}, {kind}; "
-    html += f"sampled every {found.dt * 1e3:.4g} ms{band}.</p>"
+    html += f"sampled every {found.uniform_dt * 1e3:.4g} ms{band}.</p>"
     html += _ranking(found)
     if warnings := _warnings(found):
         html += f"<details><summary>Warnings of the methods ({len(warnings)})</summary>{_list(warnings)}</details>"

@@ -8,7 +8,7 @@ import numpy as np
 from excite.models.model import Dynamic
 from excite.models.modes import continuous_poles
 from excite.persistency.certificate import Certificate
-from excite.words import NONE, number
+from excite.words import NONE, joined, number
 from identify.compare import Comparison, Row
 from identify.estimate import Status
 from identify.metrics.metric import Metric, Need
@@ -40,7 +40,8 @@ def ranking(found: Comparison, compact: bool = False) -> Table:
 
 def _truth_rows(found: Comparison, columns: Sequence[Metric], compact: bool) -> list[list[str]]:
     """Return what the truth itself reaches: without noise (the linearisation floor), and on the measured run."""
-    if found.truth_score is None:
+    reached = found.truth_score
+    if reached is None:
         return []
     names = (
         ("linearisation floor", "truth, measured")
@@ -50,7 +51,7 @@ def _truth_rows(found: Comparison, columns: Sequence[Metric], compact: bool) -> 
 
     def cell(metric: Metric, record: Need) -> str:
         judged = record in metric.needs and not metric.needs_truth
-        value = found.truth_score.values.get(metric.name, np.nan) if judged else np.nan
+        value = reached.values.get(metric.name, np.nan) if judged else np.nan
         return number(metric.scale * value, metric.decimals)
 
     records = zip(names, (Need.CLEAN, Need.RECORD), strict=True)
@@ -71,6 +72,8 @@ def note(found: Comparison, row: Row) -> str:
         count, reason = len(row.trials), row.failures[0].reason
         return f"failed in {len(row.failures)} of {count} runs: {reason}" if count > 1 else reason
     notes = [f"not ranked by {row.reason}"] if row.reason is not None else []
+    if isinstance(row.order, str):
+        notes.append(f"order {joined(sorted({str(e.order) for e in row.estimates}))} chosen")
     if found.closed and not row.consistent_in_closed_loop:
         notes.append("biased in closed loop")
     unstable = sum(e.status is Status.UNSTABLE for e in row.estimates)
@@ -79,9 +82,9 @@ def note(found: Comparison, row: Row) -> str:
     if count := diverging(row):
         notes.append(f"simulation diverges in {count} of {len(row.scores)} runs")
     for metric, text in (("poles_missing", "missing"), ("poles_surplus", "surplus")):
-        count = row.statistics(metric)["median"]
-        if count > 0:
-            notes.append(f"{count:.0f} {text} pole{'s' if count > 1 else ''}")
+        poles = row.statistics(metric)["median"]
+        if poles > 0:
+            notes.append(f"{poles:.0f} {text} pole{'s' if poles > 1 else ''}")
     return "; ".join(notes + _without_value(found, row))
 
 
@@ -108,10 +111,10 @@ def true_poles(found: Comparison) -> Table:
     headers = ["kind", "pole [rad/s]", "|s| [rad/s]", "frequency [Hz]", "damping [–]", "time constant [s]"]
     if found.truth is None:
         return headers, []
-    z = found.truth.poles
-    matched = pole_errors(z, z if estimate is None else estimate.model.poles(), found.dt)
-    s, s_hat = (continuous_poles(p, found.dt) for p in (matched.true, matched.estimated))
-    if estimate is not None:
+    z, dt = found.truth.poles, found.uniform_dt
+    matched = pole_errors(z, z if estimate is None else estimate.dynamic.poles(), dt)
+    s, s_hat = (continuous_poles(p, dt) for p in (matched.true, matched.estimated))
+    if estimate is not None and row is not None:
         headers += [f"{row.title}, first run [rad/s]", "error [%]"]
     rows = []
     for k in np.lexsort((s.imag, np.abs(s))):

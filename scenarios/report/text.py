@@ -17,7 +17,7 @@ WIDTH = 140
 
 
 def summary_text(result: RunResult) -> list[str]:
-    """Return what `excite run` prints: certificates, a ranking table a view, verdicts, expectations, where it lies."""
+    """Return what `excite run` prints: certificates, a ranking table per view, verdicts, expectations, where it lies."""
     lines = [result.scenario.name, result.scenario.description, ""]
     for view in result.views:
         lines += _view(result, view)
@@ -43,7 +43,7 @@ def failures(result: RunResult) -> list[str]:
 def _view(result: RunResult, view: ViewResult) -> list[str]:
     roles, name, found = view.view.roles, view.name, view.comparison
     kind = "in closed loop" if roles.closed else "inputs free of feedback"
-    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {found.dt * 1e3:g} ms; {kind}"
+    title = f"== {name}: {listed(roles.inputs)} -> {listed(roles.outputs)}; dt {found.uniform_dt * 1e3:g} ms; {kind}"
     lines = [title, *view.rule.notes]
     if view.predictor_radius is not None:
         lines.append(f"truth's predictor A - KC: spectral radius {view.predictor_radius:.4f}")

@@ -13,6 +13,7 @@ from scenarios.report.columns import complex_text
 from scenarios.report.rows import diverging, first_estimate, sound, trusted
 from scenarios.run.results import RunResult
 
+MANY = 1000  # ratio of ranking values beyond which its digits say nothing
 FAR = 0.1  # pole error beyond which the verdict says which pole is meant
 
 
@@ -34,9 +35,10 @@ def verdict(found: Comparison) -> str:
         sentences.append(f"{first.title} ranks higher here, but is biased in closed loop.")
     rival = next((r for r in good if r.label != row.label), None)
     if rival is not None and np.isfinite(rival.rank_value) and row.rank_value > 0:
-        ratio = number(rival.rank_value / row.rank_value)
+        ratio = rival.rank_value / row.rank_value
+        times = number(ratio) if ratio < MANY else f"more than {MANY:g}"
         unclear = "; their quartiles overlap, so that this may be chance" if _overlap(row, rival, rank_by) else ""
-        sentences.append(f"Next comes {rival.title}, its ranking value {ratio} times as large{unclear}.")
+        sentences.append(f"Next comes {rival.title}, its ranking value {times} times as large{unclear}.")
     if found.truth is not None and row.statistics("pole_error_max")["median"] > FAR:
         sentences.append(_worst_pole(found, row))
     if count := diverging(row):
@@ -75,11 +77,13 @@ def summary(result: RunResult) -> list[str]:
 
 def _worst_pole(found: Comparison, row: Row) -> str:
     """Return which true pole the row's first run misses most."""
-    errors = pole_errors(found.truth.poles, first_estimate(row).model.poles(), found.dt)
+    estimate, truth, dt = first_estimate(row), found.truth, found.uniform_dt
+    assert estimate is not None and truth is not None  # the metric that brought us here has a value
+    errors = pole_errors(truth.poles, estimate.dynamic.poles(), dt)
     if errors.missing:
         return "Not every pole is found: the order is below that of the truth."
     k = int(np.argmax(errors.relative))
-    pole = complex_text(continuous_poles(errors.true[k : k + 1], found.dt)[0])
+    pole = complex_text(continuous_poles(errors.true[k : k + 1], dt)[0])
     return f"Not every pole is found well: in the first run, that at {pole} rad/s is off by {100 * errors.relative[k]:.3g} %."
 
 

@@ -64,8 +64,10 @@ def make_design(scenario: Scenario, signal: Signal | None = None) -> Design:
 
 def view_truth(scenario: Scenario, spec: ViewSpec, recording: Recording | None = None) -> Truth | None:
     """Return the truth at the view's recorded rate; None for roles that the plant does not know."""
-    if not spec.plants_own:
-        return None
+    return _truth(scenario, spec, recording) if spec.plants_own else None
+
+
+def _truth(scenario: Scenario, spec: ViewSpec, recording: Recording | None = None) -> Truth:
     truth = scenario.plant.truth(recording, spec.name)
     all_outputs = len(truth.model.outputs) == len(spec.roles.outputs)
     return truth if all_outputs else truth.select(spec.roles.outputs)
@@ -74,15 +76,15 @@ def view_truth(scenario: Scenario, spec: ViewSpec, recording: Recording | None =
 def view_horizons(scenario: Scenario, spec: ViewSpec, signal: Signal) -> Horizons:
     """Apply the design rule with the nominal truth; without one the methods keep their own horizons."""
     dt = scenario.plant.dt * spec.roles.every
-    if spec.decimate != "auto" and spec.decimate * dt > signal.duration_s:
+    if isinstance(spec.decimate, int) and spec.decimate * dt > signal.duration_s:
         raise ExciteError(
             f"{scenario.file}: view '{spec.name}': decimate: {spec.decimate} leaves one sample of "
             f"{signal.duration_s:g} s; give at most {signal.duration_s / dt / 2:.0f}"
         )
-    if not spec.plants_own:
+    if not spec.plants_own and isinstance(spec.decimate, int):  # "auto" is refused where there is no truth
         return Horizons(spec.decimate, 20, 20, (f"decimation {spec.decimate} and the methods' own horizons: no truth",))
     try:
-        truth = view_truth(scenario, spec)
+        truth = _truth(scenario, spec)
         return horizons(truth, None if spec.roles.closed else _held(scenario, spec, signal), spec.decimate)
     except (np.linalg.LinAlgError, ExciteError) as error:
         given = scenario.source["plant"].get("parameters", {})

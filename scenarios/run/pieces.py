@@ -106,12 +106,12 @@ class View:
     def experiment(self, recording: Recording) -> Experiment:
         """Return the view of a recording."""
         experiment = recording.experiment(self.roles)
-        skip = round(self.discard_s / experiment.dt)
+        skip = round(self.discard_s / experiment.uniform_dt)
         return replace(experiment.window(skip - skip % self.every).decimate(self.every), name=self.name)
 
     def chosen(self, first: Recording) -> "View":
         """Return the view with the outputs that the first estimation run shows coherent, where it asks for that."""
-        if self.coherence is None:
+        if self.coherence is None or self.band_hz is None:  # a scenario with one names the other
             return self
         with placed(f"view '{self.name}': coherence"):
             kept = select_outputs(self.experiment(first), self.band_hz, self.coherence)
@@ -169,7 +169,7 @@ class Identification:
             [view.experiment(store.recording(name)) for name in names] for names in (self.validation, self.clean)
         )
         truth = view.truth(self.plant.load(), store.recording(self.estimation))
-        steps = tuple(max(1, round(h / validation[0].dt)) for h in view.horizons_s)
+        steps = tuple(max(1, round(h / validation[0].uniform_dt)) for h in view.horizons_s)
         lifted = truth and truth.lift(view.every)
         return Judge(validation, lifted, clean=clean, horizons=steps, band_hz=view.band_hz)
 

@@ -51,9 +51,8 @@ def make_plan(scenario: Scenario, store: Store | None = None) -> Plan:
     Raises what `make_design` raises, before anything is flown.
     """
     runs = range(scenario.validation_runs)
-    signals = {EXCITATION: _kept(scenario, store, EXCITATION, scenario.seed)}
-    design = make_design(scenario, signals[EXCITATION])
-    signals[EXCITATION] = design.signal
+    design = make_design(scenario, _kept(scenario, store, EXCITATION, scenario.seed))
+    signals = {EXCITATION: design.signal}
     for k in runs:
         name, seed = f"validation_{k:02d}.csv", scenario.seed + 1 + k
         kept = _kept(scenario, store, name, seed)
@@ -61,7 +60,8 @@ def make_plan(scenario: Scenario, store: Store | None = None) -> Plan:
         check_signal(scenario, signals[name])
     plant = PlantSpec(scenario.plant.name, scenario.preset, Frozen(scenario.parameters))
     flights = tuple(_flights(scenario, plant, signals))
-    views, identifications = {}, []
+    views: dict[str, View] = {}
+    identifications: list[Identification] = []
     for spec in scenario.views:
         views[spec.name] = _view(scenario, spec, design)
         identifications += _identifications(scenario, spec, views[spec.name], design, plant, flights)
@@ -75,8 +75,8 @@ def signal_key(scenario: Scenario, seed: int) -> str:
 
 def signal_code(scenario: Scenario) -> str:
     """Return the digest of the code that designs the signals."""
-    packages = {GENERATORS.distribution(part["kind"]) for part in scenario.excitation} - {None}
-    return code_of(DESIGNING, sorted(packages))
+    packages = {GENERATORS.distribution(part["kind"]) for part in scenario.excitation}
+    return code_of(DESIGNING, sorted(package for package in packages if package is not None))
 
 
 def _kept(scenario: Scenario, store: Store | None, name: str, seed: int) -> Signal | None:

@@ -30,7 +30,8 @@ class ViewResult:
     @property
     def predictor_radius(self) -> float | None:
         """Spectral radius of the truth's A - K C, None without a noise model."""
-        model = self.comparison.truth and self.comparison.truth.model
+        truth = self.comparison.truth
+        model = None if truth is None else truth.model
         return None if model is None or model.K is None else spectral_radius(model.A - model.K @ model.C)
 
 

@@ -74,9 +74,10 @@ class Store:
         for key, slot in slots.items():
             source, there = places.get((key, slot.code)), found.get(slot.name, {})
             mine = {"key": key, "code": slot.code, "label": slot.label}
-            moved = source is not None and not mine.items() <= there.items()
+            if source is None or mine.items() <= there.items():
+                continue
             with suppress(OSError):  # what cannot be read is made again
-                if moved and file_digest(self.path(source)) == found[source]["sha256"]:
+                if file_digest(self.path(source)) == found[source]["sha256"]:
                     moves[key] = source, json.loads(self.path(source).read_text(encoding="utf-8"))
         for key, (_, trial) in moves.items():
             self._keep(slots[key], key, _json({**trial, "label": slots[key].label}))

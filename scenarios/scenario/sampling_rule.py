@@ -7,6 +7,7 @@ import numpy as np
 
 from excite.models.modes import continuous_poles
 from excite.types.truth import Truth
+from identify.method import Method
 from identify.metrics.poles import INTEGRATOR
 from identify.steps.kalman import spectral_radius
 
@@ -26,10 +27,10 @@ class Horizons:
     future: int
     notes: tuple[str, ...]
 
-    def fill(self, method: type) -> dict[str, int]:
+    def fill(self, method: type[Method]) -> dict[str, int]:
         """Return the horizon settings of a method class that has them."""
         names = {"past": self.past, "future": self.future, "block_rows": self.future}
-        return {name: value for name, value in names.items() if name in method.__dataclass_fields__}
+        return {name: value for name, value in names.items() if name in method.setting_names()}
 
 
 def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
@@ -43,10 +44,10 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
     moving = s[s * dt > INTEGRATOR] if (s * dt > INTEGRATOR).any() else np.array([1 / dt])
     slow, fast = moving.min(), moving.max()
     notes = [
-        f"slowest pole {slow:.2f} rad/s, fastest {fast:.1f} rad/s"
+        f"slowest pole {slow:.3g} rad/s, fastest {fast:.3g} rad/s"
         + (", integrators aside" if len(moving) < len(s) else "")
     ]
-    if decimate != "auto":
+    if isinstance(decimate, int):
         every = decimate
         notes.append(f"decimation {every}, as the scenario says: dt {_ms(every * dt)}")
     elif hold is None:
@@ -57,7 +58,7 @@ def horizons(truth: Truth, hold: int | None, decimate: int | str) -> Horizons:
         every = max(q for q in range(1, hold + 1) if hold % q == 0 and q <= max(most, 1))
         notes.append(
             f"decimation {every}: the largest divisor of the input's hold ({hold} samples) with {SAMPLES_PER_CYCLE} or "
-            f"more samples a cycle of the fastest pole; dt {_ms(every * dt)}"
+            f"more samples per cycle of the fastest pole; dt {_ms(every * dt)}"
         )
     lifted = truth.model.lift(every)
     rows = HORIZON / (slow * lifted.dt)

@@ -1,6 +1,7 @@
 """One TOML table being read: typed access by key, and refusal of whatever is left over."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +10,7 @@ from excite.errors import ExciteError, did_you_mean
 
 NUMBER = (int, float)
 RENAMED = {"setting": "view"}  # what scenario files of before call otherwise
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 _NAMES = {
     str: "text",
     int: "a whole number",
@@ -25,7 +27,8 @@ class TomlTable:
     def __init__(self, values: Any, place: str) -> None:
         if not isinstance(values, dict):
             raise bad(place.rstrip("."), values, "give a table, with a [header] of its own")
-        self.values, self.place, self.known = dict(values), place, []
+        self.values, self.place = dict(values), place
+        self.known: list[str] = []
 
     def take(self, key: str, kind: type | tuple[type, ...], default: Any = ..., check: Callable | None = None) -> Any:
         """Return the value of a key, of one of the types given; `check` returns the remedy for a bad value, or None."""
@@ -79,3 +82,10 @@ def is_a(value: Any, kinds: tuple[type, ...]) -> bool:
 def at_least(least: float) -> Callable[[Any], str | None]:
     """Return a check for `TomlTable.take`."""
     return lambda value: None if value >= least else f"give at least {least:g}"
+
+
+def file_name(value: str) -> str | None:
+    """Return the remedy for a name that no file should have, or None."""
+    if RESERVED.fullmatch(value):
+        return "Windows takes this name for a device: choose another, since it names files"
+    return None if re.fullmatch(r"\w[\w-]{0,59}", value) else "use at most 60 letters, digits, _ and -: it names files"

@@ -108,7 +108,7 @@ def test_ardupilot_axes(tmp_path, name, axis):
         ),
         ("ardupilot", {"channels": ["flap [deg]"]}, r"channel 'flap \[deg\]' is no axis that ArduPilot sweeps"),
         ("ardupilot", {"channels": ["roll [rad]"]}, r"name the channel one of: roll \[deg\], "),
-        ("ardupilot", {"channels": 2}, "2 channels, but ArduPilot sweeps one axis a flight"),
+        ("ardupilot", {"channels": 2}, "2 channels, but ArduPilot sweeps one axis per flight"),
         (
             "ardupilot",
             {"channels": ["roll"], "amplitude": 1.5},

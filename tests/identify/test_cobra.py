@@ -1,4 +1,4 @@
-"""COBRA (seed 001, chapter 5): covariance functions by FFT, exactness on exact ones, Example 5.1, closed loop, memory.
+"""COBRA (Miller 2012, chapter 5): covariance functions by FFT, exactness on exact ones, Example 5.1, closed loop, memory.
 
 The bounds of Example 5.1 are those that a small independent prototype reached on the same 200 data sets, plus 15 %.
 """

@@ -62,7 +62,7 @@ def test_order_is_found_at_the_gap():
 
 @pytest.mark.parametrize("method", ["iem", "ssarx"])
 def test_closed_loop_error_falls_with_the_root_of_the_record(method):
-    """e_h of the loop of seed 003 V-B: four times the samples, half the error; PO-MOESP stays where it is."""
+    """e_h of the loop of Mercère et al. (2016), V-B: four times the samples, half the error; PO-MOESP stays where it is."""
     errors = {}
     for name in (method, "po_moesp"):
         options = {"block_rows": 20, "feedthrough": False} if name == "po_moesp" else {"past": 20, "future": 20}
@@ -87,7 +87,7 @@ def test_the_example_loop_is_the_printed_one(cases):
 
 
 def test_innovations_and_gain_of_the_open_loop_example(cases):
-    """Seed 003 V-A: A .749, K -.058, R 6.705; estimates within a few standard deviations of the Cramér-Rao bound."""
+    """Mercère et al. (2016), V-A: A .749, K -.058, R 6.705; estimates within a few deviations of the Cramér-Rao bound."""
     u, y, _ = cases.mercere_open(0, 20_000)
     for name in ("ssarx", "iem"):
         model = fit(Experiment(u, y, dt=1.0), name, 1, feedthrough=True).model
@@ -126,7 +126,7 @@ def test_shared_factors_give_the_same_estimate():
     for method in (iem, ssarx):
         shared_one, own = fit(data, method, 4, shared=shared), fit(data, method, 4)
         assert shared_one.model.impulse(20).tobytes() == own.model.impulse(20).tobytes()
-    assert list(shared) == [(iem.compression, 0)]
+    assert list(shared) == [(iem.compression, 0, None)]
 
 
 def test_poor_excitation_is_refused_with_the_orders():

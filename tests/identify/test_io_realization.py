@@ -1,4 +1,4 @@
-"""Input-output realization (seed 001, chapter 4): exactness, instruments, closed loop, and the scatter of its poles.
+"""Input-output realization (Miller 2012, chapter 4): exactness, instruments, closed loop, and the scatter of its poles.
 
 The bounds are those that small independent prototypes reached on the same runs, seeds 0 to 99, plus 15 %.
 """

@@ -1,6 +1,6 @@
 """Realizations of impulse responses, free decays and general data: Ho-Kalman/Kung, ERA and OKID.
 
-Figures of Example 3.1 of seed 001 (Miller 2012) are medians over seeds 0 to 99 of small independent prototypes.
+Figures of Example 3.1 of Miller (2012) are medians over seeds 0 to 99 of small independent prototypes.
 """
 
 import numpy as np
@@ -100,7 +100,7 @@ def test_repetitions_are_averaged_by_least_squares(system):
 
 def test_kung_and_era_differ_as_stated(system):
     """Kung: least squares on the shift of Gamma alone. ERA: S^-1/2 U^T H(1) V S^-1/2, the minimiser of
-    ||Gamma A Delta - H(1)|| (seed 001, eq. 3.12), which uses one more parameter. Equal without noise only.
+    ||Gamma A Delta - H(1)|| (Miller 2012, eq. 3.12), which uses one more parameter. Equal without noise only.
     """
     rng = np.random.default_rng(4)
     h = system(4).impulse(41)[1:]
@@ -206,7 +206,7 @@ def test_okid_finds_the_gain_and_the_innovations():
 
 
 def test_okid_converges_in_closed_loop_even_where_the_order_leaves_no_states_for_the_noise():
-    """Seed 003 V-B: the path from u to y has 2 states, the noise 2 more."""
+    """Mercère et al. (2016), V-B: the path from u to y has 2 states, the noise 2 more."""
     for order in (2, 4):
         errors = [
             np.median([impulse_error(fit(d, "okid", order).model, t) for d, t in map(closed_loop, [N] * 12, range(12))])

@@ -1,4 +1,4 @@
-"""Step-based realization, seed 001 chapter 3 (Miller 2012).
+"""Step-based realization, Miller (2012), chapter 3.
 
 Figures are medians over seeds 0 to 99 of small independent prototypes on the same data.
 """

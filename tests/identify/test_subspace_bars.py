@@ -1,4 +1,4 @@
-"""Monte Carlo figures of the subspace methods on the examples of seed 003, section V (Mercère, Markovsky and Ramos).
+"""Monte Carlo figures of the subspace methods on the examples of Mercère, Markovsky and Ramos (2016), section V.
 
 The bounds are those that small independent prototypes and the Cramér-Rao bound give for the same runs, seeds 0 to 99.
 """

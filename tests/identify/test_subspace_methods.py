@@ -139,7 +139,8 @@ def test_wfa_is_row_by_row_least_squares():
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_ssinnov1_solves_the_printed_structured_problem(closed):
-    """Seed 003 (27), (29), (31)-(39), with the Kronecker products, on one loop: no residual, the ARX model's response."""
+    """Mercère et al. (2016), (27), (29), (31)-(39), with the Kronecker products, on one loop: no residual,
+    the ARX model's response."""
     data, _ = closed_loop(400, 0)
     p, f = 6, 5
     method = load_method("ssinnov1", past=p, future=f)

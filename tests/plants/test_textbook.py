@@ -130,7 +130,7 @@ def test_arx_bias_follows_its_difference_equation():
 
 
 def test_least_squares_is_biased_where_the_notes_say():
-    """seed 002, 5.2.2: regression on measured y is biased for H = 1 and not for H = 1/A."""
+    """Zaffalon and Hofmann (2024), 5.2.2: regression on measured y is biased for H = 1 and not for H = 1/A."""
     u = np.random.default_rng(0).choice([-1.0, 1.0], (50_000, 1))
     found = {}
     for preset in ("output_error", "equation_error"):
@@ -141,7 +141,7 @@ def test_least_squares_is_biased_where_the_notes_say():
 
 
 def test_the_transient_bias_of_the_etfe_falls_with_the_periods():
-    """seed 002, 3.2.1: without noise, the error of the mean over m periods from rest falls as 1/m."""
+    """Zaffalon and Hofmann (2024), 3.2.1: without noise, the error of the mean over m periods from rest falls as 1/m."""
     M, plant = 128, etfe_transient()
     u = np.tile(np.random.default_rng(1).choice([-1.0, 1.0], M), 16)[:, None]
     y = played(plant, u, noise=False).y[:, 0].reshape(16, M)

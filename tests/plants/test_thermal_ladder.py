@@ -11,7 +11,7 @@ from excite.types.signal import Signal
 from plants.registry import load_plant
 from plants.thermal.ladder import PRESETS, thermal_ladder
 from scenarios.run.design import make_design
-from scenarios.scenario.spec import LIBRARY, check_scenario
+from scenarios.scenario.reading import LIBRARY, check_scenario
 
 R, TAU = (np.array(PRESETS["five"][name].value) for name in ("resistance", "time_constant"))
 LED = {name: PRESETS["led"][name].value for name in ("resistance", "capacitance")}
@@ -22,7 +22,7 @@ def step(power=5.0, samples=1000, dt=20e-6):
 
 
 def rise(time_s, power=5.0):
-    """(8.1) of seed 001 for the default preset."""
+    """(8.1) of Miller (2012) for the default preset."""
     return power * (-np.expm1(-time_s[:, None] / TAU) @ R)
 
 

@@ -18,7 +18,7 @@ from scenarios.report.tables import note, ranking
 from scenarios.report.text import summary_text
 from scenarios.run.results import to_json
 from scenarios.run.run import run_scenario
-from scenarios.scenario.spec import check_scenario
+from scenarios.scenario.reading import check_scenario
 
 OWN = {"view": [{"name": "mine", "inputs": ["u"], "outputs": ["y"], "decimate": 1}]}
 

@@ -19,7 +19,7 @@ from identify.metrics.registry import METRICS
 from identify.registry import load_method
 from scenarios.run.design import make_design
 from scenarios.run.pieces import stems_of
-from scenarios.scenario.spec import check_scenario, shipped
+from scenarios.scenario.reading import check_scenario, shipped
 
 ERRORS = {
     "LinAlgError": "LinAlgError: SVD did not converge",

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from scenarios.cli.main import status
-from scenarios.scenario.spec import shipped
+from scenarios.scenario.reading import shipped
 
 ELSEWHERE = {"quadrotor_prbs"}  # tests/test_main_job.py
 LONG = {"quadrotor_prbs_seed", "aeroelastic_combined"}

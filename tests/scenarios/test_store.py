@@ -22,7 +22,7 @@ from identify.registry import METHODS, load_method
 from scenarios.run.plan import make_plan
 from scenarios.run.run import run_scenario
 from scenarios.run.store import Store, hold, open_folder
-from scenarios.scenario.spec import check_scenario
+from scenarios.scenario.reading import check_scenario
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 LOGGED = {"name": "logged", "order": 4}

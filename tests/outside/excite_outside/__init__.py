@@ -1,0 +1,1 @@
+"""What a package outside adds to excite, one file each."""
