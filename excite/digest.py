@@ -54,11 +54,13 @@ def _feed(found: Any, value: Any) -> None:
 
 @cache
 def code_digest(*packages: str) -> str:
-    """Return the digest of the source files of packages, which changes with every version of the code."""
+    """Return the digest of the source files of packages or modules, which changes with every version of the code."""
     found = hashlib.sha256()
     for package in packages:
-        home = Path(import_module(package).__path__[0])
-        for path in sorted(home.rglob("*.py")):
+        module = import_module(package)
+        home = Path(module.__path__[0]) if hasattr(module, "__path__") else Path(str(module.__file__)).parent
+        files = sorted(home.rglob("*.py")) if hasattr(module, "__path__") else [Path(str(module.__file__))]
+        for path in files:
             found.update(f"{package}/{path.relative_to(home).as_posix()}".encode() + path.read_bytes())
     return found.hexdigest()
 

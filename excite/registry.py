@@ -8,6 +8,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, distributions, entry_points
 from typing import Any, Generic, TypeVar
 
+from excite.digest import code_digest
 from excite.errors import ExciteError, did_you_mean, in_words
 
 Entry = TypeVar("Entry")
@@ -84,6 +85,11 @@ class Registry(Generic[Entry]):
         """Name and version of the installed package that a plug-in comes from, None for an entry of ours."""
         point = self._plugins[0].get(name)
         return None if point is None or point.dist is None else (point.dist.name, point.dist.version)
+
+    def made_by(self, name: str) -> tuple[str, ...] | None:
+        """What a result of a plug-in depends on: package, version, digest of its source. None for an entry of ours."""
+        point = self._plugins[0].get(name)
+        return None if point is None else (*(self.distribution(name) or ()), code_digest(point.module.split(".")[0]))
 
     def __iter__(self) -> Iterator[str]:
         return iter(sorted({*self.ours, *self._plugins[0]}))

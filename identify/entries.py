@@ -87,21 +87,21 @@ def _short(value: Any) -> str:
     return value["method"] if isinstance(value, Mapping) else str(value)
 
 
-def packages_of(method: Method, order: int | str | None) -> list[tuple[str, str]]:
-    """Return name and version of the installed packages, beside ours, on which a trial rests.
+def packages_of(method: Method, order: int | str | None) -> list[tuple[str, ...]]:
+    """Return name, version and source digest of the installed packages, beside ours, on which a trial rests.
 
     Those are the packages of the method, of the methods and regions that are its settings, of the rule that chooses the
     order, and of all metrics.
     """
-    found = {METRICS.distribution(name) for name in METRICS} | _packages(method)
+    found = {METRICS.made_by(name) for name in METRICS} | _packages(method)
     if isinstance(order, str):
-        found.add(ORDER_RULES.distribution(order))
+        found.add(ORDER_RULES.made_by(order))
     return sorted(package for package in found if package is not None)
 
 
-def _packages(method: Method) -> set[tuple[str, str] | None]:
-    found = {METHODS.distribution(method.name)}
+def _packages(method: Method) -> set[tuple[str, ...] | None]:
+    found = {METHODS.made_by(method.name)}
     for setting in fields(method):
         value = getattr(method, setting.name)
-        found |= _packages(value) if isinstance(value, Method) else {REGIONS.distribution(str(value))}
+        found |= _packages(value) if isinstance(value, Method) else {REGIONS.made_by(str(value))}
     return found

@@ -93,12 +93,15 @@ def estimate_from_dict(data: Mapping[str, Any], place: str) -> Estimate:
 
 
 def load_estimate(path: str | Path) -> Estimate:
-    """Read MODEL.json: a model by itself, or the trial of a run or a comparison that holds one."""
+    """Read MODEL.json: an estimate, the trial of a run or a comparison that holds one, or a model by itself (`save_model`)."""
     data = read_json_object(path)
     if "estimate" in data:
         if data["estimate"] is None:
             raise ExciteError(f"{path}: this trial failed, it holds no model; see its `failure`")
         data = data["estimate"]
+    if "kind" in data and "method" not in data:
+        model = model_from_dict(data, str(path))
+        return Estimate(model, "saved model", len(model.poles()) if isinstance(model, Dynamic) else None)
     return estimate_from_dict(data, str(path))
 
 

@@ -164,7 +164,11 @@ def _order(method: Method, compressed: Any, data: Data, asked: int | str | None)
     if asked is not None and not isinstance(asked, str):
         return int(asked), ()
     candidates = Candidates(method, compressed, data)
-    order, why = order_rule("gap" if asked is None else asked)(candidates)
+    rule = "gap" if asked is None else asked
+    chosen = order_rule(rule)(candidates)
+    if not (isinstance(chosen, tuple) and len(chosen) == 2):
+        raise ExciteError(f"order rule '{rule}': it gave {chosen!r}, not an order and why; correct the rule")
+    order, why = chosen
     check_order(method.name, order, candidates.largest)
     return order, (f"order {order} chosen {why}; give the order to fix it",)
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from excite.errors import ExciteError, in_words
 from excite.models.model import Dynamic, Model, Predictor
+from excite.types.channel import Channel, listed
 from excite.types.experiment import Experiment
 from excite.types.truth import Truth
 from identify.data.gaps import gap_free
@@ -208,11 +209,29 @@ def _check_same_truth(model: Model, true: Model) -> None:
 
 
 def check_same_system(model: Model, experiment: Experiment) -> None:
-    """Refuse to score a model on a record of another rate or other channel counts; one in continuous time fits any rate."""
+    """Refuse to score a model on a record of another rate, or whose channels are known to be others.
+
+    One in continuous time fits any rate; names that have nothing in common are taken to be two spellings of the same.
+    """
     if model.dt is not None and (experiment.dt is None or abs(model.dt / experiment.dt - 1) > SAME_RATE):
         raise ExciteError(f"the model has dt {model.dt} s, the record {experiment.dt} s; resample the record")
     for what, columns in (("inputs", experiment.u), ("outputs", experiment.y)):
         if len(getattr(model, what)) != columns.shape[1]:
             raise ExciteError(
                 f"the model has {len(getattr(model, what))} {what}, the record {columns.shape[1]}; choose the channels"
+            )
+        _check_same_channels(getattr(model, what), getattr(experiment, what), what)
+
+
+def _check_same_channels(of_model: Sequence[Channel], of_record: Sequence[Channel], what: str) -> None:
+    """Refuse the same names in another order, and another unit of the same name."""
+    names, others = ([c.name for c in channels] for channels in (of_model, of_record))
+    if names != others and sorted(names) == sorted(others):
+        raise ExciteError(
+            f"the model's {what} are {listed(of_model)}, the record's {listed(of_record)}; give them in the model's order"
+        )
+    for mine, other in zip(of_model, of_record, strict=True):
+        if mine.name == other.name and mine.unit and other.unit and mine.unit != other.unit:
+            raise ExciteError(
+                f"{what}: '{mine.name}' is in {mine.unit} in the model and in {other.unit} in the record; convert one"
             )

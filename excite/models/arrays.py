@@ -38,6 +38,14 @@ def _words(shape: tuple[int | None, ...]) -> str:
     return str(shape).replace("None", "N")
 
 
+def input_samples(u: ArrayLike, size: int, place: str) -> np.ndarray:
+    """Return input samples (N, size); raises ExciteError where they have another shape."""
+    u = np.asarray(u, float)
+    if u.ndim != 2 or u.shape[1] != size:
+        raise ExciteError(f"{place}: u of shape {u.shape}; give (N, {size}), one column per input")
+    return u
+
+
 def offset(value: ArrayLike | None, size: int, place: str) -> np.ndarray:
     """Return an operating point (size,), zero where None is given."""
     return finite(np.zeros(size) if value is None else np.ravel(value), (size,), place)

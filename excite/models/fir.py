@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.models.arrays import covariance, finite, offset
+from excite.models.arrays import covariance, finite, input_samples, offset
 from excite.models.model import Parametric
 from excite.models.state_space import StateSpaceModel
 from excite.numerics.simulate import fir
@@ -75,7 +75,7 @@ class FirModel(Parametric):
 
     def simulate(self, u: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:
         """Noise-free response (N, ny) to u (N, nu) after the inputs x0."""
-        u, before = np.asarray(u, float) - self.input_offset, len(self.h) - 1
+        u, before = input_samples(u, len(self.inputs), "FirModel.simulate") - self.input_offset, len(self.h) - 1
         if x0 is None:
             return fir(self.h, u) + self.output_offset
         past = finite(x0, (self.order,), "FirModel: x0").reshape(before, len(self.inputs))[::-1]

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.models.arrays import finite, offset, read_only
+from excite.models.arrays import finite, input_samples, offset, read_only
 from excite.models.continuous import instants, sampling_time
 from excite.models.model import Parametric, Record
 from excite.models.state_space import StateSpaceModel
@@ -97,7 +97,7 @@ class FosterModel(Parametric):
 
     def simulate(self, u: np.ndarray, x0: np.ndarray | None = None, *, time_s: np.ndarray | None = None) -> np.ndarray:
         """Noise-free response (N, ny) to u (N, nu), each held from its instant in time_s (N,) to the next, from x0."""
-        u = np.asarray(u, float)
+        u = input_samples(u, len(self.inputs), "FosterModel.simulate")
         x = self.states(u, instants(time_s, len(u), "FosterModel"), x0)
         return np.tensordot(x, self.R, ([1, 2], [0, 2])) + self.output_offset
 

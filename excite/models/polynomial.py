@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from excite.errors import ExciteError
-from excite.models.arrays import covariance, finite, offset, read_only
+from excite.models.arrays import covariance, finite, input_samples, offset, read_only
 from excite.models.model import Parametric, Predictor, Record, check_horizons
 from excite.models.state_space import StateSpaceModel, poles_of
 from excite.numerics.simulate import divide, fir, rational
@@ -144,7 +144,7 @@ class PolynomialModel(Predictor, Parametric):
     def simulate(self, u: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:
         """Noise-free response (N, ny) to u (N, nu) from the state x0."""
         x = self._state(x0)
-        w = self._right_side(u - self.input_offset, x)
+        w = self._right_side(input_samples(u, len(self.inputs), "PolynomialModel.simulate") - self.input_offset, x)
         if x is not None:
             still = np.zeros(len(w))
             for branch in self.noise_filters:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 
 from excite.errors import ExciteError
-from excite.models.arrays import finite, offset
+from excite.models.arrays import finite, input_samples, offset
 from excite.models.continuous import hold, instants, invert_hold, sampling_time, uniform_step
 from excite.models.model import Dynamic, Parametric, Predictor, Record, check_horizons
 from excite.models.modes import Mode, modal_basis, modes_of
@@ -90,6 +90,7 @@ class StateSpaceModel(Predictor, Parametric):
 
     def simulate(self, u: np.ndarray, x0: np.ndarray | None = None) -> np.ndarray:
         """Noise-free response (N, ny) to u (N, nu) from state x0."""
+        u = input_samples(u, len(self.inputs), "StateSpaceModel.simulate")
         return simulate(self.A, self.B, self.C, self.D, u - self.input_offset, x0) + self.output_offset
 
     @property
@@ -301,7 +302,7 @@ class ContinuousModel(Dynamic):
         time_s = instants(time_s, len(u), "ContinuousModel")
         if (step := uniform_step(time_s)) is not None:
             return self.to_state_space(step).simulate(u, x0)
-        u = u - self.input_offset
+        u = input_samples(u, len(self.inputs), "ContinuousModel.simulate") - self.input_offset
         steps, which = np.unique(np.diff(time_s), return_inverse=True)
         A, B = hold(self.A, self.B, steps)
         x = np.zeros((len(u), len(self.A)))

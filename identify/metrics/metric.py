@@ -65,6 +65,8 @@ def _kind(model: Model) -> str:
     return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
 
 
+SIMULATED = frozenset({Need.CLEAN, Need.TRUTH, Need.TRUE_MODEL})  # what measured data lack as a rule
+
 # What is said of a model that is no Dynamic.
 ABILITIES = {
     Need.POLES: "has no poles",

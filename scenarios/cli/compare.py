@@ -93,6 +93,7 @@ def compare(
 def _table(found: "Comparison") -> list[str]:
     """Return the table of all metrics with a value in some row; below it, why the others have none."""
     from excite.words import NONE, number
+    from identify.metrics.metric import SIMULATED
     from identify.metrics.registry import metrics_at
     from identify.score import by_reason
     from scenarios.report.tables import to_text
@@ -107,6 +108,12 @@ def _table(found: "Comparison") -> list[str]:
         text.append([rank, row.label, NONE if row.order is None else str(row.order), *cells])
         lacking = {metric.name: row.reasons[metric.name] for metric in shown if metric.name not in row.summary}
         notes += [f"{row.title}: no {', '.join(names)}: {reason}" for reason, names in by_reason(lacking).items()]
+    broken = {
+        metric.name: good[0].reasons[metric.name]
+        for metric in metrics_at(())
+        if good and metric not in shown and not metric.needs & SIMULATED and metric.name in good[0].reasons
+    }
+    notes += [f"no {', '.join(names)} in any row: {reason}" for reason, names in by_reason(broken).items()]
     failed = [f"{row.title} failed: {row.reason}" for row in found.rows if not row.estimates]
     headers = ["rank", "method", "order", *(f"{metric.name} {metric.unit}" for metric in shown)]
     return [*to_text(headers, text).splitlines(), *notes, *failed]

@@ -4,6 +4,8 @@ import os
 import sys
 import traceback
 from importlib import import_module
+from importlib.metadata import entry_points
+from types import TracebackType
 from typing import Any
 
 import click
@@ -94,5 +96,19 @@ def status(argv: list[str] | None = None) -> int:
 
 def _bug() -> int:
     traceback.print_exc()
-    click.echo("excite: this is a bug; please report it with the lines above", err=True)
+    guest = _plug_in(sys.exc_info()[2])
+    whose = f"this is a bug of the plug-in package '{guest}'" if guest else "this is a bug"
+    click.echo(f"excite: {whose}; please report it with the lines above", err=True)
     return BUG
+
+
+def _plug_in(trace: TracebackType | None) -> str | None:
+    """Return the module of a plug-in that an error passed through, or None."""
+    guests = {
+        point.module.split(".")[0]
+        for group in entry_points().groups
+        if group.startswith("excite.")
+        for point in entry_points(group=group)
+    }
+    modules = (str(frame.f_globals.get("__name__")).split(".")[0] for frame, _ in traceback.walk_tb(trace))
+    return next((module for module in modules if module in guests), None)

@@ -27,7 +27,7 @@ from scenarios.cli.reading import data_options, read_experiment
 def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> int:
     """Score MODEL (from `excite identify -o`) on the data in FILE."""
     from identify.estimate_json import load_estimate
-    from identify.metrics.metric import Need
+    from identify.metrics.metric import SIMULATED, Need
     from identify.metrics.registry import find_metric
     from identify.score import by_reason
     from identify.score import score as score_estimate
@@ -44,7 +44,7 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> i
     for name, value in result.values.items():
         if metric := find_metric(name):
             click.echo(f"{name:<34} {value:>10.4g}  {metric.summary}")
-    unasked = {Need.CLEAN} | ({Need.TRUTH, Need.TRUE_MODEL} if known is None else set())
+    unasked = SIMULATED if known is None else {Need.CLEAN}
     expected = {name for name in result.reasons if (metric := find_metric(name)) and metric.needs & unasked}
     lacking = {name: why for name, why in result.reasons.items() if name not in expected}
     for reason, names in by_reason(lacking).items():

@@ -13,7 +13,8 @@ def columns_of(found: Comparison, compact: bool = False) -> tuple[list[Metric], 
     """
     names = {name for row in found.rows for s in row.scores for name in s.values}
     horizons = {m.horizon for name in names if (m := find_metric(name)) is not None and m.horizon is not None}
-    shown = [m for m in metrics_at(sorted(horizons)) if (m.compact if compact else m.column)]
+    ranks = set(found.rank_by)
+    shown = [m for m in metrics_at(sorted(horizons)) if (m.compact if compact else m.column) or m.name in ranks]
     return shown, [m.short_title(found.dt) if compact else m.title(found.dt) for m in shown]
 
 

@@ -57,6 +57,7 @@ pre { overflow-x: auto; background: var(--card); border: 1px solid var(--line); 
 summary { cursor: pointer; color: var(--accent); }
 @media print { body { max-width: none; background: #fff; } figure, tr { break-inside: avoid; } }
 """
+DATA = "<p>The data of each picture lie beside it in the folder <code>figures</code>, as .csv and .json.</p>"
 
 
 def write_report(result: RunResult, path: str | os.PathLike, figures: Mapping[str, Drawn]) -> Path:
@@ -99,7 +100,7 @@ def _summary(result: RunResult) -> str:
     for k, text in enumerate(others):
         name = result.views[k].name if k < len(result.views) else ""
         lead += f"<p><strong>{escape(name)}</strong>{escape(text[len(name) :])}</p>"
-    return f'<p>{escape(first)}</p><div class="lead">{lead}</div>'
+    return f'<p>{escape(first)}</p><div class="lead">{lead}</div>{DATA}'
 
 
 def _design(result: RunResult, figures: Mapping[str, Drawn]) -> str:

@@ -43,8 +43,8 @@ def verdict(found: Comparison) -> str:
         sentences.append(_worst_pole(found, row))
     if count := diverging(row):
         sentences.append(
-            f"Simulated over the whole validation run it diverges in {count} of {len(row.scores)} runs, as integrating or "
-            "very slow poles do when they are a little off: use it over limited horizons."
+            f"Simulated over the whole validation run it leaves the range of the data in {count} of {len(row.scores)} runs, "
+            "as integrating or very slow poles do when they are a little off, and wrong models: use it over limited horizons."
         )
     if found.floor is not None:
         metric, floor = found.floor
@@ -81,7 +81,7 @@ def _worst_pole(found: Comparison, row: Row) -> str:
     assert estimate is not None and truth is not None  # the metric that brought us here has a value
     errors = pole_errors(truth.poles, estimate.dynamic.poles(), dt)
     if errors.missing:
-        return "Not every pole is found: the order is below that of the truth."
+        return f"{errors.missing} of the truth's poles have no counterpart in the model of the first run."
     k = int(np.argmax(errors.relative))
     pole = complex_text(continuous_poles(errors.true[k : k + 1], dt)[0])
     return f"Not every pole is found well: in the first run, that at {pole} rad/s is off by {100 * errors.relative[k]:.3g} %."

@@ -24,7 +24,7 @@ from scenarios.run.store import Shelf, Slot, Store, file_safe
 DESIGNING, FLYING, IDENTIFYING = ("excite",), ("excite", "plants"), ("excite", "identify")  # whose code makes a piece
 
 
-def code_of(ours: Sequence[str], others: Sequence[tuple[str, str]] = ()) -> str:
+def code_of(ours: Sequence[str], others: Sequence[tuple[str, ...]] = ()) -> str:
     """Return the digest of our packages' code, and of name and version of the packages of others, that make a piece."""
     return digest(code_digest(*ours), list(others)) if others else code_digest(*ours)
 
@@ -45,7 +45,7 @@ class PlantSpec:
     def key(self) -> str:
         """Digest of the plant, of the files it refers to, and of the package it comes from."""
         files = [(str(path), file_digest(path)) for path in self.load().files]
-        return digest(self.name, self.preset, self.parameters, files, PLANTS.distribution(self.name))
+        return digest(self.name, self.preset, self.parameters, files, PLANTS.made_by(self.name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Flight:
     @property
     def code(self) -> str:
         """Digest of the code that makes the recording."""
-        package = PLANTS.distribution(self.plant.name)
+        package = PLANTS.made_by(self.plant.name)
         return code_of(FLYING, [package] if package else [])
 
     def finished(self, store: Store) -> bool:

@@ -75,7 +75,7 @@ def signal_key(scenario: Scenario, seed: int) -> str:
 
 def signal_code(scenario: Scenario) -> str:
     """Return the digest of the code that designs the signals."""
-    packages = {GENERATORS.distribution(part["kind"]) for part in scenario.excitation}
+    packages = {GENERATORS.made_by(part["kind"]) for part in scenario.excitation}
     return code_of(DESIGNING, sorted(package for package in packages if package is not None))
 
 

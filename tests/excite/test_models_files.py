@@ -8,6 +8,7 @@ from random_models import PARAMETRIC
 
 from excite.errors import ExciteError
 from excite.files.models import KINDS, load_model, model_from_dict, model_to_dict, save_model
+from excite.models.fir import FirModel
 from excite.models.frequency_response import FrequencyResponse
 from excite.models.model import Model
 from excite.models.polynomial import PolynomialModel
@@ -98,3 +99,14 @@ def test_files_that_hold_no_model_are_named(text, tmp_path):
 def test_a_model_without_a_form_is_refused():
     with pytest.raises(ExciteError, match="a Oracle has no JSON form"):
         model_to_dict(Oracle())
+
+
+@pytest.mark.parametrize("kind", ["state_space", "polynomial", "fir"])
+def test_inputs_of_another_width_are_refused_in_words(kind):
+    model = {
+        "state_space": StateSpaceModel([[0.5]], [[1.0, 2.0]], [[1.0]], [[0.0, 0.0]], 1.0),
+        "polynomial": PolynomialModel([[[1.0]]], [[[1.0, 2.0]]], 1.0),
+        "fir": FirModel([[[1.0, 2.0]]], 1.0),
+    }[kind]
+    with pytest.raises(ExciteError, match=r"u of shape \(5, 3\); give \(N, 2\), one column per input"):
+        model.simulate(np.zeros((5, 3)))

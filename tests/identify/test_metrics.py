@@ -137,3 +137,16 @@ def test_of_equal_matchings_the_ordered_one_is_taken():
     for shuffled in (estimated, estimated[::-1]):
         found = pole_errors(true, shuffled, 0.01)
         np.testing.assert_allclose(np.log(found.estimated) / 0.01, [-2.0, -3.0])
+
+
+def test_a_model_is_not_scored_on_channels_that_are_known_to_be_others():
+    model = StateSpaceModel(
+        [[0.5]], [[1.0, 2.0]], [[1.0]], [[0.0, 0.0]], 1.0, inputs=["a [deg]", "b [deg]"], outputs=["y [m]"]
+    )
+    u = np.random.default_rng(0).standard_normal((200, 2))
+    y = model.simulate(u)
+    assert score(model, Experiment(u, y, dt=1.0, inputs=["p", "q"])).values["fit_simulation"] > 99.999
+    with pytest.raises(ExciteError, match=r"inputs are a .deg., b .deg., the record's b .deg., a .deg.; give"):
+        score(model, Experiment(u[:, ::-1], y, dt=1.0, inputs=["b [deg]", "a [deg]"]))
+    with pytest.raises(ExciteError, match="inputs: 'b' is in deg in the model and in rad in the record; convert one"):
+        score(model, Experiment(u, y, dt=1.0, inputs=["a [deg]", "b [rad]"], outputs=["y [m]"]))

@@ -63,6 +63,8 @@ def test_code_of_a_page_runs_in_its_order(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
     for language, text in BLOCK.findall(PAGES[name]):
+        if file := re.match(r"# (\w+\.toml)\n", text):
+            (tmp_path / file[1]).write_text(text, encoding="utf-8")
         if language == "python":
             exec(compile(text, f"{name}.md", "exec"), names)
         for line in text.splitlines() if language == "bash" else ():

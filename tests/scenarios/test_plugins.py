@@ -87,3 +87,46 @@ def test_settings_are_checked_where_annotations_are_postponed(tmp_path, monkeypa
     ):
         with pytest.raises(ExciteError, match=f"later.{next(iter(settings))}: .*{text}"):
             load_method("later", **settings)
+
+
+SCALED = """
+from dataclasses import dataclass, replace
+from identify.prediction_error.arx import Arx
+
+@dataclass(frozen=True)
+class Scaled(Arx):
+    name = "scaled"
+    summary = "an arx of another gain"
+
+    def realize(self, compressed, order, data):
+        found = super().realize(compressed, order, data)
+        return replace(found, model=replace(found.model, b={gain} * found.model.b))
+"""
+
+
+def test_an_edited_plug_in_is_asked_again_and_its_errors_are_its_own(tmp_path):
+    points = {"excite.methods": {"scaled": "scaled:Scaled"}}
+    site = install(tmp_path / "site", "excite-scaled", {"scaled.py": SCALED.format(gain="1.0")}, points)
+    argv = (
+        "-m",
+        "excite",
+        "compare",
+        *record(tmp_path),
+        "--methods",
+        "scaled,arx",
+        "--orders",
+        "2",
+        "-o",
+        tmp_path / "out",
+    )
+    first = python(*argv, path=[site])[1]
+    assert python(*argv, path=[site])[1] == first
+    (site / "scaled.py").write_text(SCALED.format(gain="0.5"))
+    code, second, _ = python(*argv, path=[site])
+    fresh = python(*argv[:-1], tmp_path / "fresh", path=[site])[1]
+    rows = [[line for line in text.splitlines() if " scaled " in line] for text in (first, second, fresh)]
+    assert code == 0 and rows[1] == rows[2] != rows[0]
+    (site / "scaled.py").write_text(SCALED.format(gain="nothing"))
+    asked = ("-m", "excite", "identify", *record(tmp_path), "--method", "scaled", "--order", "2")
+    code, _, err = python(*asked, path=[site])
+    assert code == 70 and "this is a bug of the plug-in package 'scaled'" in err
