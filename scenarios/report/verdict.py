@@ -43,8 +43,8 @@ def verdict(found: Comparison) -> str:
         sentences.append(_worst_pole(found, row))
     if count := diverging(row):
         sentences.append(
-            f"Simulated over the whole validation run it leaves the range of the data in {count} of {len(row.scores)} runs, "
-            "as integrating or very slow poles do when they are a little off, and wrong models: use it over limited horizons."
+            f"Simulated over the whole validation run it diverges in {count} of {len(row.scores)} runs, as integrating or "
+            "very slow poles do when they are a little off: use it over limited horizons."
         )
     if found.floor is not None:
         metric, floor = found.floor
