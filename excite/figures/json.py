@@ -4,10 +4,9 @@ import json
 from dataclasses import fields
 from typing import Any
 
-import numpy as np
-
 from excite.figures.colours import Role
 from excite.figures.figure import Axis, Figure, Mark, Panel
+from excite.plain import plain
 
 SCHEMA_VERSION = 1
 
@@ -32,7 +31,7 @@ def to_dict(figure: Figure) -> dict[str, Any]:
         "caption": figure.caption,
         "verdict": figure.verdict,
         "grid": {"rows": rows, "columns": columns, "widths": figure.widths, "heights": figure.heights},
-        "height": _plain(figure.height),
+        "height": plain(figure.height),
         "panels": [_panel(panel, figure) for panel in figure.panels],
     }
 
@@ -43,21 +42,10 @@ def _panel(panel: Panel, figure: Figure) -> dict[str, Any]:
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
-    return {f.name: _plain(getattr(axis, f.name)) for f in fields(axis)}
+    return {f.name: plain(getattr(axis, f.name)) for f in fields(axis)}
 
 
 def _mark(mark: Mark, figure: Figure) -> dict[str, Any]:
-    values = {f.name: _plain(getattr(mark, f.name)) for f in fields(mark) if f.name != "colour"}
+    values = {f.name: plain(getattr(mark, f.name)) for f in fields(mark) if f.name != "colour"}
     stands_for = {"role": mark.colour.name.lower()} if isinstance(mark.colour, Role) else {"of": mark.colour}
     return {"mark": type(mark).__name__.lower(), "colour": figure.colour(mark.colour), **stands_for, **values}
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays and tuples as lists, numbers of numpy as Python's, what is not finite as None."""
-    if isinstance(value, np.ndarray):
-        return [_plain(item) for item in value.tolist()]
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
