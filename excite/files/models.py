@@ -54,8 +54,9 @@ def model_from_dict(data: Mapping[str, Any], place: str) -> Model:
         raise ExciteError(f"{place}: kind {kind!r} is no kind of model; {known}")
     values = {}
     for field in fields(KINDS[kind]):
-        if field.name not in data and field.default is MISSING:
-            raise ExciteError(f"{place}: key '{field.name}' is missing; {REMEDY}")
+        if data.get(field.name) is None and field.default is MISSING:
+            state = "null" if field.name in data else "missing"
+            raise ExciteError(f"{place}: key '{field.name}' is {state}; {REMEDY}")
         if data.get(field.name) is not None:
             values[field.name] = _array(data[field.name], f"{place}: {field.name}")
     try:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.errors import ExciteError
+from excite.types.channel import listed
 from scenarios.cli.common import assignments, json_option, parse_methods, parse_orders
 from scenarios.cli.output import ProgressLine, new_folder, print_json, print_lines
 from scenarios.cli.reading import data_options, read_experiment
@@ -73,7 +74,7 @@ def compare(
     if as_json:
         print_json(report)
     else:
-        old = [f"old: not asked for this time: {', '.join(report['old'])}"] if report["old"] else []
+        old = [f"old: not asked for this time: {listed(report['old'])}"] if report["old"] else []
         print_lines([f"validation: {label}", *_table(found), *old])
     for note in report["notes"]:
         click.echo(f"note: {note}", err=True)
