@@ -151,6 +151,8 @@ def rational(
 
     x0 : state (max(len(a), len(b)) - 1,) of the observer form: its entry k adds to the right side at sample k.
     """
+    if len(a) == len(b) == 1:
+        return b[0] * u, np.zeros(0)
     from scipy.signal import lfilter  # it loads scipy.stats, a third of the time of importing excite
 
     return lfilter(b, a, u, zi=np.zeros(max(len(a), len(b)) - 1) if x0 is None else x0)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import get_window
 
 from excite.errors import ExciteError
 from excite.numerics.correlation import Segment
@@ -59,6 +58,8 @@ def smoothed_covariance(pairs: Pairs, first_lag: int, last_lag: int, segments: i
             f"{segments} segments leave {length} samples in each, but lags to {reach} need more than {2 * reach}; "
             "take fewer segments or lags nearer to 0"
         )
+    from scipy.signal import get_window  # slow to import, and few runs need it
+
     window = get_window("hamming", length)[:, None]
     size = next_fast_len(length + reach, real=True)
     spectrum, count = np.zeros(()), 0  # takes the shape of what is added

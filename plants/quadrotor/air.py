@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from plants.quadrotor.controller import RATE_DT
 
@@ -21,6 +20,8 @@ def wind(values: Mapping[str, float], white: np.ndarray) -> np.ndarray:
     Gauss-Markov, w(k+1) = a w(k) + sqrt(1 - a^2) n(k+1), stationary from the first sample: Dryden's longitudinal
     spectrum, with a time constant in place of length over airspeed, which hover does not have.
     """
+    from scipy.signal import lfilter  # slow to import, and few flights have gusts
+
     pole = gust_pole(values)
     drive = white.copy()
     drive[1:] *= math.sqrt(1.0 - pole * pole)
