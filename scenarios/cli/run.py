@@ -26,9 +26,10 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
     SCENARIO is a TOML file or a shipped name (`excite scenarios` lists them). A run that was interrupted goes on
     where it was when the same command is given again; --runs may change between.
     """
-    from scenarios.report.figures import all_figures, rendered, write_figures
+    from scenarios.report.figures import all_figures, write_figures
     from scenarios.report.page import write_report
     from scenarios.report.text import failures, summary_text
+    from scenarios.run.executor import Local
     from scenarios.run.results import to_json
     from scenarios.run.run import run_scenario
     from scenarios.scenario.reading import load_scenario
@@ -40,9 +41,9 @@ def run(scenario: str, folder: str | None, runs: int | None, jobs: int, as_json:
     try:
         with redirect_stdout(sys.stderr):  # what a plug-in prints is no result
             result = run_scenario(checked, target, jobs, ProgressLine())
-            figures = rendered(all_figures(result))
-        write_figures(figures, target / "figures")
-        write_report(result, target / "report.html", figures)
+            figures = all_figures(result)
+        drawn = write_figures(figures, target / "figures", Local(jobs))
+        write_report(result, target / "report.html", drawn)
     except KeyboardInterrupt:
         click.echo(f"\n{target}: finished pieces are kept; the same command goes on from there", err=True)
         raise

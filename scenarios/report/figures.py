@@ -12,6 +12,7 @@ from excite.figures.json import to_json
 from excite.figures.signal import signal_figure
 from excite.figures.svg import to_svg
 from identify.figures.registry import figure_names, figures_of
+from scenarios.run.executor import Executor
 from scenarios.run.results import RunResult
 from scenarios.run.store import write_text
 
@@ -61,9 +62,23 @@ def rendered(figures: Mapping[str, Figure]) -> dict[str, Drawn]:
     return {name: Drawn(figure, to_svg(figure)) for name, figure in figures.items()}
 
 
-def write_figures(figures: Mapping[str, Drawn], folder: Path) -> None:
-    """Write each figure as a picture (.svg) and its data beside it (.json, .csv)."""
-    for name, drawn in figures.items():
-        write_text(folder / f"{name}.svg", drawn.svg)
-        write_text(folder / f"{name}.json", to_json(drawn.figure))
-        write_text(folder / f"{name}.csv", to_csv(drawn.figure))
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure to be drawn into a folder: a piece for an executor."""
+
+    name: str
+    figure: Figure
+
+    def make(self, folder: str) -> None:
+        """Write the picture (.svg), and the data beside it (.json, .csv)."""
+        for suffix, write in ((".svg", to_svg), (".json", to_json), (".csv", to_csv)):
+            write_text(Path(folder) / f"{self.name}{suffix}", write(self.figure))
+
+
+def write_figures(figures: Mapping[str, Figure], folder: Path, executor: Executor) -> dict[str, Drawn]:
+    """Draw figures into a folder, several at once where the executor can, and return them with their pictures."""
+    pictures = [Picture(name, figure) for name, figure in figures.items()]
+    with executor.each(str(folder), len(pictures)) as each:
+        for _ in each(pictures):
+            pass
+    return {name: Drawn(each, (folder / f"{name}.svg").read_text(encoding="utf-8")) for name, each in figures.items()}

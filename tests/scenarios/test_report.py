@@ -24,6 +24,7 @@ from scenarios.report import figures, tables
 from scenarios.report.page import page, write_report
 from scenarios.report.rows import trusted
 from scenarios.report.verdict import summary, verdict
+from scenarios.run.executor import Local
 from scenarios.run.pieces import View
 from scenarios.run.results import RunResult, ViewResult
 from scenarios.scenario.sampling_rule import Horizons
@@ -196,7 +197,7 @@ def test_each_label_has_one_colour_in_the_whole_run():
 
 
 def test_figures_are_written_as_pictures_and_data(tmp_path):
-    figures.write_figures(drawn(), tmp_path)
+    assert figures.write_figures(figures.all_figures(result()), tmp_path, Local()) == drawn()
     assert {p.name for p in tmp_path.iterdir()} == {
         f"{name}.{end}" for name in drawn() for end in ("svg", "json", "csv")
     }
