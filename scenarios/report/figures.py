@@ -57,11 +57,6 @@ def all_figures(result: RunResult) -> dict[str, Figure]:
     return figures
 
 
-def rendered(figures: Mapping[str, Figure]) -> dict[str, Drawn]:
-    """Return figures with their pictures."""
-    return {name: Drawn(figure, to_svg(figure)) for name, figure in figures.items()}
-
-
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A figure to be drawn into a folder: a piece for an executor."""

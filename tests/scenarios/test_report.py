@@ -15,6 +15,7 @@ import pytest
 from drawings import strict
 from wing import DT, EVIL, OUTPUTS, RANK_BY, comparison, data
 
+from excite.figures.svg import to_svg
 from excite.persistency.certificate import certify
 from excite.types.recipe import Recipe
 from excite.types.recording import Roles
@@ -71,7 +72,7 @@ def result():
 
 @cache
 def drawn():
-    return figures.rendered(figures.all_figures(result()))
+    return {name: figures.Drawn(each, to_svg(each)) for name, each in figures.all_figures(result()).items()}
 
 
 @cache
@@ -197,7 +198,8 @@ def test_each_label_has_one_colour_in_the_whole_run():
 
 
 def test_figures_are_written_as_pictures_and_data(tmp_path):
-    assert figures.write_figures(figures.all_figures(result()), tmp_path, Local()) == drawn()
+    written = figures.write_figures(figures.all_figures(result()), tmp_path, Local())
+    assert {name: each.svg for name, each in written.items()} == {name: each.svg for name, each in drawn().items()}
     assert {p.name for p in tmp_path.iterdir()} == {
         f"{name}.{end}" for name in drawn() for end in ("svg", "json", "csv")
     }
