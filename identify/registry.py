@@ -14,6 +14,8 @@ def _no_method(found: Any) -> str | None:
         return "is no subclass of identify.method.Method"
     if missing := getattr(found, "__abstractmethods__", None):
         return f"lacks {', '.join(sorted(missing))}"
+    if found.order_is is not None and found.largest_order is Method.largest_order:
+        return "has an order, and no largest_order that says how large it may be"
     lacking = [each for each in ("name", "summary") if not isinstance(getattr(found, each, None), str)]
     return f"has no {' and no '.join(lacking)}, a text" if lacking else None
 

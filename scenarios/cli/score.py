@@ -6,6 +6,7 @@ import click
 
 from excite.errors import ExciteError, placed
 from excite.files import load_recording
+from excite.types.channel import listed
 from excite.types.truth import Truth
 from scenarios.cli.common import json_option
 from scenarios.cli.output import print_json
@@ -38,6 +39,11 @@ def score(model: str, file: str, truth: str, as_json: bool, **reading: Any) -> i
     known = _truth(file, experiment.dt, reading) if truth == "auto" else None
     with placed(f"{model} on {file}"):
         result = score_estimate(estimate, experiment, known)
+    for what in ("inputs", "outputs"):
+        mine, theirs = ([c.name for c in getattr(each, what)] for each in (estimate.model, experiment))
+        if mine != theirs:
+            taken = f"{what} {listed(mine)} of the model are taken to be {listed(theirs)} of the record, in this order"
+            click.echo(f"warning: {taken}", err=True)
     if as_json:
         print_json({"schema_version": 1, "model": model, "file": file, **score_to_dict(result)})
         return 0

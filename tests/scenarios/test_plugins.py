@@ -22,12 +22,26 @@ class Misnamed(Arx):
 class Abstract(Method):
     name = "abstract"
     summary = "cannot do anything"
+
+@dataclass(frozen=True)
+class Endless(Method):
+    name = "endless"
+    summary = "has an order, however large"
+
+    def realize(self, compressed, order, data):
+        return None
 """
 
 
 def test_bad_plug_ins_are_named_and_skipped_and_all_else_works(tmp_path):
     site = breakers(tmp_path, entries={"logged": "breakers:Logged", "arx": "breakers:Logged"})
-    points = {"misnamed": "bad:Misnamed", "abstract": "bad:Abstract", "leaves": "leaves:Any", "absent": "no_module:Any"}
+    points = {
+        "misnamed": "bad:Misnamed",
+        "abstract": "bad:Abstract",
+        "endless": "bad:Endless",
+        "leaves": "leaves:Any",
+        "absent": "no_module:Any",
+    }
     install(site, "excite-bad", {"bad.py": BAD, "leaves.py": "import sys\nsys.exit('bye')"}, {"excite.methods": points})
     install(site, "excite-twin", {}, {"excite.methods": {"logged": "breakers:Nothing"}})
     garbled = install(tmp_path / "garbled", "excite-garbled")
@@ -38,6 +52,7 @@ def test_bad_plug_ins_are_named_and_skipped_and_all_else_works(tmp_path):
         "arx (breakers:Logged): the name is taken by excite",
         "misnamed (bad:Misnamed): it calls itself 'arx'; give the entry point that name",
         "abstract (bad:Abstract): lacks realize",
+        "endless (bad:Endless): has an order, and no largest_order",
         "leaves (leaves:Any): SystemExit: bye",
         "absent (no_module:Any): ModuleNotFoundError",
         "logged (breakers:Nothing): the name is taken by excite-breakers (breakers:Logged)",

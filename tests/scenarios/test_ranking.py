@@ -190,3 +190,14 @@ def test_a_metric_of_another_package_is_a_column_ranks_and_is_explained(tmp_path
             check_scenario(source(**OWN, **changes), "short.toml")
     finally:
         METRICS.__dict__.pop("_plugins", None)
+
+
+def test_score_says_which_channels_it_takes_for_which(data, tmp_path, capsys):
+    model, other = str(tmp_path / "m.json"), tmp_path / "other.csv"
+    assert status(["identify", *data, "--method", "arx", "--order", "1", "-o", model]) == 0
+    with open(data[0], encoding="utf-8") as stream:
+        other.write_text(stream.read().replace("u,y", "v,y", 1), encoding="utf-8")
+    capsys.readouterr()
+    assert status(["score", model, str(other), *data[1:]]) == 0
+    said = capsys.readouterr().err
+    assert said == "warning: inputs u of the model are taken to be v of the record, in this order\n"
